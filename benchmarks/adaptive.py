@@ -24,7 +24,7 @@ from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.samples import Flag
-from grebe.core.taut import way_through
+from grebe.core.taut import path_through
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.simulated import EXACT, SimulatedLink
@@ -192,7 +192,7 @@ def _informative(water: Water, seed: int) -> Score:
     region = Region(name="lake", frame=FRAME, water=LAKE)
     free = plan(region, BOAT, PlanSettings(cell_m=None, minutes=MINUTES)).survey
     assert free.outcome is not None
-    length = shapely.LineString(way_through(free)).length
+    length = shapely.LineString(path_through(free)).length
     path = informative_path(LAKE, LENGTH_SCALE_M, NOISE, length)
     at = sampled(path, length / free.outcome.time_s)
     values = water.value(KEY, at) + np.random.default_rng(seed).normal(0.0, NOISE, len(at))

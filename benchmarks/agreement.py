@@ -15,7 +15,7 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.control.solvers.base import Solution, Solver
 from grebe.control.solvers.builders import Fast, Ipopt
 from grebe.core.vessel import Vessel
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 
 # A solver's problem: state, horizon, weather and the plan to start from.
 Asked = tuple[np.ndarray, Horizon, np.ndarray, Plan]
@@ -93,7 +93,7 @@ def _recorded(rule: Rule, seed: int, instances: int) -> list[Asked]:
         controller = Controller(BOAT, CELLS, rule, solver=recorder)
         place = rng.uniform(-60, 60, 2)
         start = (*place, rng.uniform(-np.pi, np.pi), 0, 0, 0)
-        fly(BOAT, CELLS, controller, start, Conditions(limit_s=80, observes=False))
+        simulate(BOAT, CELLS, controller, start, Conditions(limit_s=80, observes=False))
         asked += recorder.asked
     return [asked[i] for i in rng.choice(len(asked), instances, replace=False)]
 

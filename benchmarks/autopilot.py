@@ -19,11 +19,11 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import PRESETS
 from grebe.links.mavlink.link import open_link
-from grebe.links.mavlink.rehearsal import CLEAR, Air, MemoryWire
+from grebe.links.mavlink.rehearsal import NO_RADIO_FAULTS, MemoryWire, RadioFaults
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
 from grebe.simulation.autopilot import (
@@ -48,7 +48,7 @@ COMPLETES = "mission_complete"
 class Case:
     """A fault, when it comes [s], and how a mission with it may end besides being complete."""
 
-    air: Air = CLEAR
+    radio: RadioFaults = NO_RADIO_FAULTS
     faults: Upsets = NO_UPSETS
     ends: str = ""
 
@@ -57,11 +57,11 @@ def case_of(name: str, at_s: float, seed: int) -> Case:
     """The case of a fault, by its name."""
     return {
         "none": Case,
-        "30 % of all messages lost": lambda: Case(air=Air(lost_share=0.3, seed=seed)),
-        "0.3 s late each way": lambda: Case(air=Air(delay_s=0.3, seed=seed)),
-        "out of order, by up to 0.4 s": lambda: Case(air=Air(jitter_s=0.4, seed=seed)),
-        "line silent for 5 s": lambda: Case(air=Air(silence=(at_s, at_s + 5.0))),
-        "line dead": lambda: Case(air=Air(silence=(at_s, 1e9)), ends="silent for"),
+        "30 % of all messages lost": lambda: Case(radio=RadioFaults(lost_share=0.3, seed=seed)),
+        "0.3 s late each way": lambda: Case(radio=RadioFaults(delay_s=0.3, seed=seed)),
+        "out of order, by up to 0.4 s": lambda: Case(radio=RadioFaults(jitter_s=0.4, seed=seed)),
+        "line silent for 5 s": lambda: Case(radio=RadioFaults(silence=(at_s, at_s + 5.0))),
+        "line dead": lambda: Case(radio=RadioFaults(silence=(at_s, 1e9)), ends="silent for"),
         "autopilot restarts": lambda: Case(faults=Upsets(reboots_at=at_s), ends="started afresh"),
         "no fix for 4 s": lambda: Case(faults=Upsets(gps_lost=(at_s, at_s + 4.0))),
         "no fix any more": lambda: Case(
@@ -129,7 +129,7 @@ def _sail(job: tuple[str, int]) -> tuple[str, str, int, float]:
         ours = boat.autopilot.mode is Mode.GUIDED
         outside += ours and not shapely.intersects_xy(survey.water, north, east)
 
-    wire = MemoryWire(StandIn(autopilot, FRAME, (lon, lat)), case.air, watch)
+    wire = MemoryWire(StandIn(autopilot, FRAME, (lon, lat)), case.radio, watch)
     while not autopilot.knows_position:
         wire.sail()
     # Somebody held it at the jetty until then, or the current would have carried it ashore.
@@ -169,7 +169,7 @@ def autopilot() -> None:
     """Missions over the stand-in: how they end, and whether the boat stays on the water."""
     jobs = [(NAMES[seed % len(NAMES)], seed) for seed in range(LAKES)]
     with Pool(2) as pool:
-        flown = pool.map(_sail, jobs, chunksize=2)
+        sailed = pool.map(_sail, jobs, chunksize=2)
     print_head(
         f"{LAKES} random lakes over the stand-in autopilot, current 0.2 m/s, hull unlike by "
         f"{MISMATCH:.0%}",
@@ -177,7 +177,7 @@ def autopilot() -> None:
         "instants outside the water",
     )  # fmt: skip
     for name in NAMES:
-        mine = [one for one in flown if one[0] == name]
+        mine = [one for one in sailed if one[0] == name]
         ends = Counter(one[1] for one in mine)
         wrong = [end for end in ends if end not in ("complete", "ended safely")]
         print_row(

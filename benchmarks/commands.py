@@ -29,7 +29,7 @@ from grebe.control.rules.dual import Dual
 from grebe.control.turn_and_go import model_substeps
 from grebe.core.dynamics import Weather
 from grebe.links.simulated import EstimateErrors
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 
 GREBE = (sys.executable, "-c", "from grebe.cli.main import main; main()")
 
@@ -156,10 +156,10 @@ class Pace:
 def pace(weather: str, missions: int = 5) -> Pace:
     """Sail missions of 40 cells on one core, with the whole loop and without a file."""
     cells, conditions = meander(rows=4), WEATHERS[weather]
-    fly(BOAT, cells[:4], Controller(BOAT, cells[:4]), START, conditions)
+    simulate(BOAT, cells[:4], Controller(BOAT, cells[:4]), START, conditions)
     began = time.process_time()
     flights = [
-        fly(BOAT, cells, Controller(BOAT, cells), START, conditions) for _ in range(missions)
+        simulate(BOAT, cells, Controller(BOAT, cells), START, conditions) for _ in range(missions)
     ]
     seconds = (time.process_time() - began) / missions
     return Pace(boat_s=flights[0].duration_s, a_second=1 / seconds)
@@ -173,7 +173,7 @@ def baseline_s() -> float:
     """
     cells, rule = meander(rows=4), Dual()
     pilot = RebuiltPilot(BOAT, cells, rule, model_substeps(BOAT, rule.step_s))
-    return sum(fly(BOAT, cells, pilot, START).step_ms) / 1000
+    return sum(simulate(BOAT, cells, pilot, START).step_ms) / 1000
 
 
 def missions_a_second() -> None:

@@ -8,7 +8,7 @@ from grebe.control.controller import Command, Controller, StepStatus
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, Trial, fly, meander
+from grebe.mission.trial import Conditions, Trial, meander, simulate
 
 BOAT = PRESETS["benchmark"]
 START = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
@@ -20,8 +20,8 @@ def grebe_flight(
 ) -> Trial:
     """Sail with Grebe's controller, compiled and built beforehand."""
     warm = Controller(boat, cells[:2], rule, solver=solver)
-    fly(boat, cells[:2], warm, start, Conditions(limit_s=5.0))
-    return fly(boat, cells, Controller(boat, cells, rule, solver=solver), start)
+    simulate(boat, cells[:2], warm, start, Conditions(limit_s=5.0))
+    return simulate(boat, cells, Controller(boat, cells, rule, solver=solver), start)
 
 
 def told(thrusts, reached: int, *, solved: bool = True) -> Command:

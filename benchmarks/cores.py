@@ -14,7 +14,7 @@ from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, FRAME, lake
 from grebe.control.controller import Controller
 from grebe.core.plan_settings import PlanSettings
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 
@@ -40,7 +40,9 @@ def cores() -> None:
         planned = plan(region, BOAT, settings)
         survey = planned.survey
         pilot = Controller(BOAT, survey.sets, corridors=survey.corridors)
-        flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=5_000))
+        flight = simulate(
+            BOAT, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=5_000)
+        )
         assert flight.complete
         samples = flight.sampled
         spread = [_mean_sd(samples, region.water, one) for one in RANGES_M]

@@ -69,10 +69,10 @@ def makespan(folder):
     with SurveyFile.open(folder / "one.gpkg") as file:
         one = run_survey(file, SimulatedWorld(), steered_by(), NOON)
     report, least = sail(folder / "four.gpkg", SimulatedWorld())
-    flown = report.duration_s / (one.duration_s / 4)
+    sailed = report.duration_s / (one.duration_s / 4)
     print(
         f"makespan of 4 over a quarter of one boat's: planned {four.legs_s / four.bound_s:.3f}, "
-        f"flown {flown:.3f}; complete {report.complete}, least distance {least:.1f} m"
+        f"flown {sailed:.3f}; complete {report.complete}, least distance {least:.1f} m"
     )
 
 

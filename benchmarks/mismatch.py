@@ -13,7 +13,7 @@ from grebe.control.controller import Controller
 from grebe.core.sets import TargetSet, rectangle
 from grebe.core.vessel import PRESETS, Vessel
 from grebe.links.simulated import EstimateErrors
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.changing import Gusts, Tide
 
 LIMIT_S = 1500.0
@@ -90,7 +90,7 @@ def duration_s(job: tuple[str, str, int]) -> float:
     name, cells, start = WAYS[way]
     boat, sets = PRESETS[name], cells()
     world = replace(conditions(case, boat, seed), limit_s=LIMIT_S)
-    trial = fly(boat, sets, Controller(boat, sets), start, world)
+    trial = simulate(boat, sets, Controller(boat, sets), start, world)
     return trial.duration_s if trial.complete else np.inf
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache
 
 from benchmarks.common import BOAT, CELLS, START, print_head, print_row
-from benchmarks.optimum import Optimum, Task, flown, optima, optimum
+from benchmarks.optimum import Optimum, Task, as_plan, optima, optimum
 from benchmarks.peers import LineOfSightPilot, SetPoint
 from benchmarks.planning import FRAME, lake
 from grebe.control.controller import Controller, Margins
@@ -75,7 +75,7 @@ def flight(scene: str, set_m: float = Margins().set_m) -> Trial:
 def best(scene: str) -> Optimum:
     """The optimum of a scene in still water. On the lake, where paths differ, the lesser of two."""
     margins = (Margins().set_m, CLOSER_M) if scene == LAKE else (Margins().set_m,)
-    guesses = [flown(task(scene), flight(scene, margin)) for margin in margins]
+    guesses = [as_plan(task(scene), flight(scene, margin)) for margin in margins]
     return optimum(task(scene), guesses, SUBSTEPS)
 
 
@@ -84,7 +84,7 @@ def best_in_currents(scene: str) -> dict[str, Optimum | None]:
     """The optimum that knows its current, towards each direction; None where none was found."""
     moving = towards_each(task(scene))
     asked = [
-        (one, [flown(one, one.sailed(Lookahead())), best(scene).plan]) for one in moving.values()
+        (one, [as_plan(one, one.sailed(Lookahead())), best(scene).plan]) for one in moving.values()
     ]
     return dict(zip(moving, optima(asked, SUBSTEPS), strict=True))
 

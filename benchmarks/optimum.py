@@ -36,7 +36,7 @@ from grebe.core.events import Reached
 from grebe.core.sets import TargetSet, inner_rows
 from grebe.core.vessel import Vessel
 from grebe.mission.helm import Helm
-from grebe.mission.trial import Conditions, Trial, fly
+from grebe.mission.trial import Conditions, Trial, simulate
 
 STAGES_A_LEG = 5
 MOST_ITERATIONS = 1000
@@ -77,7 +77,7 @@ class Task:
     def sailed_by(self, helm: Helm, conditions: Conditions = STILL) -> Trial:
         """Sail it by a helm, in the weather of the task."""
         world = replace(conditions, weather=self.weather)
-        return fly(self.vessel, self.targets, helm, self.start, world)
+        return simulate(self.vessel, self.targets, helm, self.start, world)
 
     @property
     def corridor_rows(self) -> list[np.ndarray]:
@@ -119,7 +119,7 @@ class Optimum:
 
 
 def optimum(task: Task, guesses: Sequence[Plan], substeps: int) -> Optimum:
-    """Return the least of the optima near some plans, which are flights as `flown` returns them.
+    """Return the least of the optima near some plans, which are flights as `as_plan` returns them.
 
     Which way the boat turns first and where it enters a cell are choices that a solver does not
     change. So an optimum is a local one, and more starts make a better yardstick. A plan that pays
@@ -260,7 +260,7 @@ def _energy_wh(task: Task, plan: Plan) -> float:
     return float(joules) / 3600
 
 
-def flown(task: Task, flight: Trial) -> Plan:
+def as_plan(task: Task, flight: Trial) -> Plan:
     """A flight that reached every set, resampled on the legs' stages: a plan to start from."""
     times, states = flight.track[:, 0], flight.track[:, 1:]
     entries = [0.0]

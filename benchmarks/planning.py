@@ -14,16 +14,16 @@ from benchmarks.common import print_head, print_row
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import SHAPES, PlanSettings
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.planning.cells.mesh import mesh_water
+from grebe.planning.paths.corridors import PathFinder
+from grebe.planning.paths.network import connect
+from grebe.planning.paths.travel import Travel, travel_of
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region
 from grebe.planning.route.portfolio import best_route, first_orders
-from grebe.planning.ways.corridors import Waterways
-from grebe.planning.ways.network import connect
-from grebe.planning.ways.travel import Travel, travel_of
 
 BOAT = PRESETS["spyboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)
@@ -94,16 +94,16 @@ def _minutes(water: shapely.Polygon, weather: Weather) -> dict[str, float]:
     start = tuple(network.centres[0])
     orders = first_orders(cells, network, start)
     orders["portfolio"] = best_route(cells, network, travel, start, returns=False).order
-    ways = Waterways(cells, network, water, 5.0)
-    return {name: minutes(ways, travel, order, start) for name, order in orders.items()}
+    finder = PathFinder(cells, network, water, 5.0)
+    return {name: minutes(finder, travel, order, start) for name, order in orders.items()}
 
 
 def minutes(
-    ways: Waterways, travel: Travel, order: np.ndarray, start: tuple[float, float]
+    finder: PathFinder, travel: Travel, order: np.ndarray, start: tuple[float, float]
 ) -> float:
     """The predicted time of an order with its transits."""
-    footprints = [stop.footprint for stop in ways.stops(order)]
-    return travel.path_s(taut_way(start, footprints)) / 60
+    footprints = [stop.footprint for stop in finder.stops(order)]
+    return travel.path_s(taut_path(start, footprints)) / 60
 
 
 SHARED = Path(__file__).parents[1] / ".." / "shared" / "data"

@@ -10,7 +10,7 @@ from benchmarks.common import BOAT, print_head, print_row
 from grebe.control.controller import Controller
 from grebe.core.dynamics import Weather
 from grebe.links.simulated import EstimateErrors
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.workflow.steering_names import rule_named
 
 MISSIONS = 200
@@ -31,7 +31,7 @@ def _random_mission(job: tuple[str, float, float, int]) -> tuple[bool, int, int]
     cells = meander(rows=4)
     start = (radius * np.cos(where), radius * np.sin(where), heading, 0, 0, 0)
     pilot = Controller(BOAT, cells, rule_named(rule))
-    flight = fly(
+    flight = simulate(
         BOAT,
         cells,
         pilot,
@@ -54,7 +54,7 @@ def robustness() -> None:
     with Pool(2) as pool:
         for rule, current, wind in cases:
             jobs = [(rule, current, wind, seed) for seed in range(MISSIONS)]
-            flown = pool.map(_random_mission, jobs, chunksize=5)
-            done = sum(complete for complete, _, _ in flown)
-            unsolved, total = sum(u for _, u, _ in flown), sum(n for _, _, n in flown)
+            sailed = pool.map(_random_mission, jobs, chunksize=5)
+            done = sum(complete for complete, _, _ in sailed)
+            unsolved, total = sum(u for _, u, _ in sailed), sum(n for _, _, n in sailed)
             print_row(f"`{rule}`", current, wind, f"{done} of {MISSIONS}", f"{unsolved} of {total}")

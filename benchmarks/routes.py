@@ -18,13 +18,13 @@ from benchmarks.common import print_head, print_row
 from benchmarks.planning import BOAT, CURRENT, lake, minutes
 from grebe.core.dynamics import CALM
 from grebe.planning.cells.mesh import mesh_water
+from grebe.planning.paths.corridors import PathFinder
+from grebe.planning.paths.network import connect
+from grebe.planning.paths.travel import travel_of
 from grebe.planning.route.bounds import lower_bound_m
 from grebe.planning.route.costs import costs_of
 from grebe.planning.route.polish import polished
 from grebe.planning.route.portfolio import best_route, first_orders
-from grebe.planning.ways.corridors import Waterways
-from grebe.planning.ways.network import connect
-from grebe.planning.ways.travel import travel_of
 
 SCALE = 1000  # OR-tools computes in integers: millimetres
 SECONDS = {100: 10, 1_000: 30}
@@ -41,7 +41,7 @@ class Waters:
         self.network = connect(self.cells, water, 5.0)
         self.start = tuple(self.network.centres[0])
         self.travels = [travel_of(BOAT, (1.0, 2.0), weather) for weather in (CALM, CURRENT)]
-        self.ways = Waterways(self.cells, self.network, water, 5.0)
+        self.finder = PathFinder(self.cells, self.network, water, 5.0)
         self.lengths = water_lengths(water, self.network.centres)
         self.bound_m = lower_bound_m(self.cells, "square", 5.0, self.network.around)
 
@@ -52,7 +52,7 @@ class Waters:
     def predicted_min(self, order: np.ndarray) -> list[float]:
         """The boat's predicted minutes in each weather."""
         begin = tuple(self.network.centres[order[0]])
-        return [minutes(self.ways, travel, order, begin) for travel in self.travels]
+        return [minutes(self.finder, travel, order, begin) for travel in self.travels]
 
 
 @dataclass(frozen=True, kw_only=True)

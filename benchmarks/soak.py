@@ -29,13 +29,13 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus, Observation, Order
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import SurveyRecorder
 from grebe.mission.trial import bare_survey
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
-from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.garbage_collection import no_long_pauses
 
 PERIOD_S = 0.1
 EIGHT_HOURS = 288_000

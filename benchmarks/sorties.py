@@ -23,8 +23,8 @@ from grebe.planning.region import Region
 from grebe.planning.route.costs import leg
 from grebe.planning.trips.endurance import endurance_of
 from grebe.planning.trips.fewest_trips import Trips, trips_within
-from grebe.planning.trips.lake import Lake, lake_of, ports_of
-from grebe.planning.trips.trip_times import Ports
+from grebe.planning.trips.lake import Lake, depots_of, lake_of
+from grebe.planning.trips.trip_times import Depots
 
 BOAT = PRESETS["blueboat"]
 CURRENT = Weather(current_north_mps=0.3, current_east_mps=0.1)
@@ -61,8 +61,8 @@ def _row(name: str, water: shapely.Polygon, minutes: float, weather: Weather) ->
     began = time.perf_counter()
     trips = trips_within(measured, endurance)
     seconds = time.perf_counter() - began
-    ports = ports_of(measured, endurance, 1.0)
-    peer = _or_tools(measured, ports, trips, seconds)
+    depots = depots_of(measured, endurance, 1.0)
+    peer = _or_tools(measured, depots, trips, seconds)
     print_row(
         name, f"{minutes:g}", "calm" if weather is CALM else "0.32 m/s current",
         int(measured.wanted.sum()), len(trips.orders), f"{trips.legs_s / 3600:.2f}",
@@ -72,14 +72,14 @@ def _row(name: str, water: shapely.Polygon, minutes: float, weather: Weather) ->
     )  # fmt: skip
 
 
-def _or_tools(lake: Lake, ports: Ports, trips: Trips, seconds: float) -> tuple[int, float] | None:
+def _or_tools(lake: Lake, depots: Depots, trips: Trips, seconds: float) -> tuple[int, float] | None:
     """OR-tools' number of trips and their time [s], within the same limit and computing time; more
     trips are allowed if it finds none with as many as Grebe.
     """
     members = np.flatnonzero(lake.wanted)
     if len(members) > MOST_FOR_PEER:
         return None
-    matrix = _matrix(lake, ports, members).tolist()
+    matrix = _matrix(lake, depots, members).tolist()
     for more in range(4):
         count = len(trips.orders) + more
         manager = pywrapcp.RoutingIndexManager(len(matrix), count, 0)
@@ -101,7 +101,7 @@ def _or_tools(lake: Lake, ports: Ports, trips: Trips, seconds: float) -> tuple[i
     return None
 
 
-def _matrix(lake: Lake, ports: Ports, members: np.ndarray) -> np.ndarray:
+def _matrix(lake: Lake, depots: Depots, members: np.ndarray) -> np.ndarray:
     """Milliseconds between the harbour, which is the first, and all cells, as Grebe has them."""
     n = len(members)
     centres = lake.draft.network.centres[members]
@@ -118,5 +118,5 @@ def _matrix(lake: Lake, ports: Ports, members: np.ndarray) -> np.ndarray:
     assert abs(far[0, probe] - leg(costs, members[0], members[probe])) < 1e-6
     whole = np.zeros((n + 1, n + 1))
     whole[1:, 1:] = far
-    whole[0, 1:], whole[1:, 0] = ports.out[0, members], ports.back[0, members]
+    whole[0, 1:], whole[1:, 0] = depots.out[0, members], depots.back[0, members]
     return np.rint(1000 * whole).astype(np.int64)

@@ -23,7 +23,7 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.control.solvers.builders import Fatrop
 from grebe.control.turn_and_go import model_substeps
 from grebe.mission.helm import Helm
-from grebe.mission.trial import Trial, fly
+from grebe.mission.trial import Trial, simulate
 
 GET_READY = """
 import time
@@ -45,7 +45,7 @@ LOOKAHEAD = "Grebe `lookahead`, fast"
 
 
 def _peer(pilot: Callable[..., Helm]) -> Trial:
-    return fly(BOAT, CELLS, pilot(BOAT, CELLS, Dual(), model_substeps(BOAT, 1.0)), START)
+    return simulate(BOAT, CELLS, pilot(BOAT, CELLS, Dual(), model_substeps(BOAT, 1.0)), START)
 
 
 FLIGHTS: dict[str, Callable[[], Trial]] = {
@@ -75,13 +75,13 @@ def steps() -> None:
         "controller", "reached", "mission s", "median / p95 / max ms", "not solved", "ratios",
     )  # fmt: skip
     for name in FLIGHTS:
-        flown = flight(name)
+        sailed = flight(name)
         print_row(
             name,
-            flown.report.reached,
-            f"{flown.duration_s:.1f}",
-            " / ".join(f"{ms:.2f}" for ms in median_p95_max(flown.step_ms)),
-            f"{flown.report.unsolved_steps} of {len(flown.step_ms)}",
+            sailed.report.reached,
+            f"{sailed.duration_s:.1f}",
+            " / ".join(f"{ms:.2f}" for ms in median_p95_max(sailed.step_ms)),
+            f"{sailed.report.unsolved_steps} of {len(sailed.step_ms)}",
             " / ".join(f"{ratio:.1f}" for ratio in ratios(name)),
         )
     seconds = [

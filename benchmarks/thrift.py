@@ -12,7 +12,7 @@ from grebe.core.dynamics import Weather
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
 from grebe.links.simulated import EstimateErrors
-from grebe.mission.trial import Conditions, Trial, fly, meander
+from grebe.mission.trial import Conditions, Trial, meander, simulate
 
 PRICES = (0.2, 0.5, 1.0)
 # The paper's cells for boats of its size, and a field team's for boats that turn wide.
@@ -61,7 +61,7 @@ def priced(boat: str, weather: str) -> Iterator[Priced]:
 def _flown(boat: str, weather: str, price: float) -> Trial:
     vessel, cells = PRESETS[boat], SURVEYS[boat]
     helm = Controller(vessel, cells, Lookahead(thrift=price))
-    return fly(vessel, cells, helm, START, WEATHERS[weather])
+    return simulate(vessel, cells, helm, START, WEATHERS[weather])
 
 
 def most_saved(boat: str, weather: str, longer: float = 0.1) -> float:

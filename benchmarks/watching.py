@@ -20,7 +20,7 @@ from pathlib import Path
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.server import plans
 from grebe.server.library import identity
-from grebe.server.live import Watch
+from grebe.server.live import MissionWatch
 from grebe.server.mission_socket import live_path
 from grebe.server.tabs import Lease, Tab
 
@@ -84,7 +84,7 @@ async def look_on(path, hours):
     door = await asyncio.start_server(mission, "127.0.0.1", 0)
     port = door.sockets[0].getsockname()[1]
     live_path(path).write_text(json.dumps({"port": port, "key": key, "pid": os.getpid()}))
-    watch = Watch(identity(path), path, Lease())
+    watch = MissionWatch(identity(path), path, Lease())
     pages = [asyncio.create_task(read(watch, name, heard)) for name in heard]
     deaf = watch.stream(Tab(name="deaf"))
     await anext(deaf)

@@ -21,7 +21,7 @@ conditions = grebe.Conditions(weather=weather, errors=grebe.EstimateErrors(veloc
 
 figure, axes = plt.subplots()
 for rule, colour in ((grebe.Dual(), "#0072B2"), (grebe.Lookahead(), "#D55E00")):
-    trial = grebe.fly(boat, cells, grebe.Controller(boat, cells, rule), start, conditions)
+    trial = grebe.simulate(boat, cells, grebe.Controller(boat, cells, rule), start, conditions)
     name = type(rule).__name__
     print(f"{name}: {trial.arrivals} sets in {trial.duration_s:.0f} s")
     axes.plot(trial.track[:, 2], trial.track[:, 1], color=colour, label=name)

@@ -41,5 +41,5 @@ class OneSet:
 boat, cells = grebe.vessel_named("benchmark"), meander(rows=2, columns=4)
 start = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
 for rule in (OneSet(), grebe.Lookahead()):
-    trial = grebe.fly(boat, cells, grebe.Controller(boat, cells, rule), start)
+    trial = grebe.simulate(boat, cells, grebe.Controller(boat, cells, rule), start)
     print(f"{type(rule).__name__}: {trial.arrivals} sets in {trial.duration_s:.0f} s")

@@ -22,5 +22,5 @@ print(f"12 N are {punt.throttle_of(12.0):.0%} of an actuator's command")
 # The controller knows the masses and the drag; the simulated boat has the lag as well.
 
 cells = meander(rows=2, columns=5)
-trial = grebe.fly(punt, cells, grebe.Controller(punt, cells), (-10.0, 2.5, 0, 0, 0, 0))
+trial = grebe.simulate(punt, cells, grebe.Controller(punt, cells), (-10.0, 2.5, 0, 0, 0, 0))
 print(f"{trial.arrivals} sets in {trial.duration_s:.0f} s, {trial.report.energy_wh:.1f} Wh")

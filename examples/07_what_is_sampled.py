@@ -16,7 +16,7 @@ figure, axes = plt.subplots(figsize=(8, 2.5))
 for i, sampling in enumerate((grebe.InWindow(), grebe.InSets())):
     world = grebe.Conditions(sampling=sampling)
     helm = grebe.Controller(boat, apart)
-    trial = grebe.fly(boat, apart, helm, (-5.0, 2.0, 1.57, 0, 0, 0), world)
+    trial = grebe.simulate(boat, apart, helm, (-5.0, 2.0, 1.57, 0, 0, 0), world)
     print(f"{sampling}: {trial.report.samples} samples, {trial.report.samples_in_sets} in sets")
     axes.plot(trial.sampled[:, 1], [i] * len(trial.sampled), "o", label=type(sampling).__name__)
 for cell in apart:

@@ -42,7 +42,7 @@ for speed, colour in ((0.0, "0.3"), (0.2, "#0072B2"), (0.4, "#D55E00")):
             current_north_mps=speed * np.cos(towards), current_east_mps=speed * np.sin(towards)
         )
         conditions = grebe.Conditions(weather=weather)
-        trial = grebe.fly(boat, cells, grebe.Controller(boat, cells), start, conditions)
+        trial = grebe.simulate(boat, cells, grebe.Controller(boat, cells), start, conditions)
         arrivals = [event.elapsed_s for event in trial.recorder.of(Reached)]
         axes.step(arrivals, np.arange(1, len(arrivals) + 1), where="post", color=colour, lw=0.8)
         last.append(arrivals[-1] if len(arrivals) == len(cells) else np.inf)

@@ -41,6 +41,6 @@ start = (-10.0, 2.5, 0.0, 0.0, 0.0, 0.0)
 for current in (0.0, 0.3):
     world = grebe.Conditions(weather=grebe.Weather(current_east_mps=current), limit_s=300.0)
     for helm in (Pursuit(boat, cells), grebe.Controller(boat, cells)):
-        trial = grebe.fly(boat, cells, helm, start, world)
+        trial = grebe.simulate(boat, cells, helm, start, world)
         name = type(helm).__name__
         print(f"{current:g} m/s, {name}: {trial.arrivals} sets in {trial.duration_s:.0f} s")

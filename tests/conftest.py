@@ -23,7 +23,7 @@ from grebe.io.export.catalogue import CatalogueEntry
 from grebe.io.store import SurveyFile
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import Region
-from grebe.server.mission_delta import Telling
+from grebe.server.mission_delta import MissionDelta
 from grebe.workflow.demo import HERON, OUTLINE_M
 from grebe.workflow.files import write_survey
 from grebe.workflow.run import run_survey, steered_by
@@ -74,7 +74,7 @@ def pytest_collection_modifyitems(items):
     items[:] = [*others[:middle], *ashore, *others[middle:]]
 
 
-def simulate(file, rule=None, world=None, **how):
+def run_simulated(file, rule=None, world=None, **how):
     """Run the mission of a survey file in a simulated world."""
     helm = steered_by(rule or Lookahead())
     return run_survey(file, world or SimulatedWorld(), helm, NOON, **how)
@@ -160,13 +160,13 @@ def simulated_survey(tmp_path_factory):
     write_survey(path, survey)
     told = []
     with SurveyFile.open(path) as file:
-        telling = Telling(survey, list(file.quantities))
+        delta = MissionDelta(survey, list(file.quantities))
 
-        def hear(event):
-            telling.hear(event)
-            if (one := telling.take()) is not None:
+        def on_event(event):
+            delta.on_event(event)
+            if (one := delta.take()) is not None:
                 told.append(one)
 
-        report = simulate(file, listeners=[hear])
+        report = run_simulated(file, listeners=[on_event])
     assert report.complete
     return path, survey, told

@@ -26,7 +26,7 @@ BOAT = """
 import os, time
 from grebe.io.store.timestamps import time_text
 from grebe.links.simulated import SimulatedLink
-from grebe.mission.telling.recorders import SurveyRecorder
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.core.events import Reached, SampleTaken, Step
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde

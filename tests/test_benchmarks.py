@@ -80,7 +80,7 @@ def test_a_name_that_is_no_benchmark_is_refused(monkeypatch):
         command.main()
 
 
-def test_the_computer_and_the_versions_are_told():
+def test_the_computer_and_the_versions_are_printed():
     assert re.search(r"\d+ cores", command.machine())
     assert re.search(r"numba \d+\.\d+", command.machine())
 

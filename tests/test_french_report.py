@@ -72,7 +72,7 @@ def test_a_reason_without_a_template_is_not_printed_in_english():
     assert reason_in("a whim", FRENCH) == ""
 
 
-def test_why_a_quantity_was_left_out_is_told_by_its_french_name():
+def test_why_a_quantity_was_left_out_is_stated_with_its_french_name():
     for text, told in (
         ("Turbidity: not measured", "Turbidité\N{NO-BREAK SPACE}: sans mesure"),
         ("pH: 7 good samples; a map needs 10", "pH\N{NO-BREAK SPACE}: 7 échantillons bons"),

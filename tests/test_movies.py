@@ -46,7 +46,7 @@ def test_the_checkers_of_cf_and_acdd_accept_a_movie_and_xarray_opens_it(movie, t
         assert (file[f"{key}_sd"].max(("y", "x")) > 0).all()
 
 
-def test_moments_are_drawn_evenly():
+def test_times_are_drawn_evenly():
     for count in (2, 8, 9, 13, 200):
         shown = shown_moments(count)
         assert len(shown) <= MOST_MAPS

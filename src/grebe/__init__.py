@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from grebe.mapping.methods.kriging import Kriging
     from grebe.mapping.methods.spde import Spde
     from grebe.mission.departure import Departure
+    from grebe.mission.events.recorders import MemoryRecorder
+    from grebe.mission.events.statistics import MissionReport
     from grebe.mission.loop import Mission
     from grebe.mission.measuring.sampling import InSets, InWindow
     from grebe.mission.settings import MissionSettings
-    from grebe.mission.telling.recorders import MemoryRecorder
-    from grebe.mission.telling.statistics import MissionReport
-    from grebe.mission.trial import Conditions, Trial, fly
+    from grebe.mission.trial import Conditions, Trial, simulate
     from grebe.planning.planned import Planned
     from grebe.planning.region import Region, clean_region
     from grebe.report.page import write_report
@@ -74,9 +74,9 @@ _HOME = {
     "MapSettings": "mapping.maps",
     "Mapper": "mapping.maps",
     "Margins": "control.controller",
-    "MemoryRecorder": "mission.telling.recorders",
+    "MemoryRecorder": "mission.events.recorders",
     "Mission": "mission.loop",
-    "MissionReport": "mission.telling.statistics",
+    "MissionReport": "mission.events.statistics",
     "MissionSettings": "mission.settings",
     "Observation": "links.base",
     "PlanSettings": "core.plan_settings",
@@ -99,13 +99,13 @@ _HOME = {
     "clean_region": "planning.region",
     "compare_surveys": "workflow.differences",
     "fit_variogram": "mapping.covariance.variogram",
-    "fly": "mission.trial",
     "import_track": "workflow.tracks",
     "krige": "mapping.fields.kriging",
     "map_survey": "workflow.maps",
     "plan_region": "workflow.plans",
     "read_region": "workflow.plans",
     "run_survey": "workflow.run",
+    "simulate": "mission.trial",
     "steered_by": "workflow.run",
     "vessel_named": "core.vessel",
     "write_maps": "workflow.maps",
@@ -160,13 +160,13 @@ __all__ = [
     "clean_region",
     "compare_surveys",
     "fit_variogram",
-    "fly",
     "import_track",
     "krige",
     "map_survey",
     "plan_region",
     "read_region",
     "run_survey",
+    "simulate",
     "steered_by",
     "vessel_named",
     "write_maps",

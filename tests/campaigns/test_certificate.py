@@ -76,7 +76,7 @@ def ever_wrong(truth: float, missions: int) -> float:
 
 
 @pytest.mark.parametrize("truth", [0.6, 0.9, 0.97])
-def test_looked_at_after_every_mission_it_errs_as_rarely_as_it_says(truth):
+def test_checked_after_every_mission_it_errs_as_rarely_as_stated(truth):
     wrong = ever_wrong(truth, 250)
     assert 0.2 * ALPHA < wrong <= ALPHA  # it errs at times, or the test would show nothing
 

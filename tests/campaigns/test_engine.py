@@ -61,7 +61,7 @@ def test_dask_gives_the_same_and_loses_nothing_with_a_worker(tmp_path):
     assert not multiprocessing.active_children()
 
 
-def test_a_scheduler_that_is_not_there_is_said():
+def test_a_missing_scheduler_is_reported():
     pytest.importorskip("distributed")
     with pytest.raises(LinkError, match="No Dask scheduler answers at nowhere"):
         list(Dask(scheduler="nowhere").results(squared, range(3)))

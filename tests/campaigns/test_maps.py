@@ -45,7 +45,7 @@ def values(folder):
 
 
 @pytest.mark.slow
-def test_many_are_mapped_as_one_is_and_a_broken_one_is_told(tmp_path):
+def test_many_surveys_are_mapped_as_one_is_and_a_broken_one_is_reported(tmp_path):
     files = [measured(tmp_path / f"{name}.gpkg", i) for i, name in enumerate("ab", 1)]
     broken = tmp_path / "broken.gpkg"
     broken.write_text("no survey")

@@ -233,7 +233,7 @@ def test_the_command_sails_resumes_and_certifies(tmp_path):
         (("survey", "= survey"), "TOML"),
     ],
 )
-def test_what_is_wrong_in_a_campaign_s_file_is_said(tmp_path, change, said):
+def test_an_error_in_a_campaign_file_is_reported(tmp_path, change, said):
     write_survey(tmp_path / "survey.gpkg", SURVEY)
     file = tmp_path / "pond.toml"
     file.write_text(FILE.replace(*change, 1))
@@ -291,7 +291,7 @@ def test_another_survey_is_another_campaign(tmp_path):
 
 
 @pytest.mark.parametrize("draw", ["draw = 5", "draw = [1]"])
-def test_a_table_that_is_none_is_said(tmp_path, draw):
+def test_a_table_that_is_not_one_is_reported(tmp_path, draw):
     path = tmp_path / "s.gpkg"
     write_survey(path, SURVEY)
     file = tmp_path / "c.toml"

@@ -6,7 +6,7 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from conftest import region_of, simulate
+from conftest import region_of, run_simulated
 
 from grebe.cli.adapt_command import command
 from grebe.core.errors import GrebeError
@@ -24,7 +24,7 @@ def adapt(path, *words):
 @pytest.mark.slow
 def test_a_survey_goes_on_where_it_pays_and_its_map_becomes_surer(coarse_survey):
     with SurveyFile.open(coarse_survey) as file:
-        assert simulate(file).complete
+        assert run_simulated(file).complete
     words = ("--quantity", "temperature_degc", "--minutes", 2)
     done = adapt(coarse_survey, *words)
     assert done.exception is None, done.exception
@@ -37,7 +37,7 @@ def test_a_survey_goes_on_where_it_pays_and_its_map_becomes_surer(coarse_survey)
         assert sum(target.kind == "cell" for target in new) == told["places"]
         assert all(file.survey.water.buffer(-2.9).covers(t.set.polygon) for t in new)
         before = file.count("samples")
-        report = simulate(file, resume=True)
+        report = run_simulated(file, resume=True)
         assert report.complete
         assert report.duration_s < 1.4 * 120.0
         assert file.count("samples") > before
@@ -56,9 +56,9 @@ def test_a_survey_goes_on_where_it_pays_and_its_map_becomes_surer(coarse_survey)
         (("--quantity", "ph", "--minutes", 0.01), "give more"),
     ],
 )
-def test_what_cannot_be_is_said(coarse_survey, words, said):
+def test_impossible_options_are_reported(coarse_survey, words, said):
     with SurveyFile.open(coarse_survey) as file:
-        simulate(file)
+        run_simulated(file)
     done = adapt(coarse_survey, *words)
     assert isinstance(done.exception, GrebeError)
     assert said in str(done.exception)
@@ -75,7 +75,7 @@ def test_a_small_pond_has_places_to_go_to(tmp_path):
     settings = PlanSettings(cell_m=8.0, shore_margin_m=1.0)
     write_survey(path, plan_survey(region, PRESETS["spyboat"], settings))
     with SurveyFile.open(path) as file:
-        assert simulate(file).complete
+        assert run_simulated(file).complete
     done = adapt(path, "--quantity", "temperature_degc", "--minutes", 2)
     assert done.exception is None, done.exception
     assert json.loads(done.stdout)["places"] > 3

@@ -38,7 +38,7 @@ def lake(folder, coordinates=None):
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
+def sailed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cli")
     lake(folder)
     plan = ["plan", "lake.geojson", "-o", "s.gpkg", "--cell", 7, "--start", "3.1709,50.636"]
@@ -47,8 +47,8 @@ def flown(tmp_path_factory):
     return folder, json.loads(run.stdout)
 
 
-def test_the_whole_way_from_a_lake_to_a_report(flown):
-    folder, report = flown
+def test_a_lake_is_planned_sailed_mapped_and_reported(sailed):
+    folder, report = sailed
     assert report["reached"] == report["targets"] > 10
     assert report["unsolved_steps"] == 0
     keys = "reached targets steps duration_s path_m energy_wh unsolved_steps step_ms_median"
@@ -74,8 +74,8 @@ def test_a_planned_survey_without_samples_is_no_crash(tmp_path):
     grebe("report", "s.gpkg", "-o", "r.html", cwd=tmp_path, check=0)
 
 
-def test_flying_again_needs_a_word(flown):
-    folder, _ = flown
+def test_running_again_needs_resume_or_force(sailed):
+    folder, _ = sailed
     assert "resume it" in grebe("run", "s.gpkg", cwd=folder, check=3).stderr
 
 
@@ -175,7 +175,7 @@ def _wait_for_samples(path: Path):
 
 @needs_tracks
 @pytest.mark.slow
-def test_the_real_track_is_imported_and_flown(tmp_path):
+def test_the_real_track_is_imported_and_sailed(tmp_path):
     """As in the paper: survey the hull of a hand-driven track, on the same water. The samples of
     the track itself are mapped in `tests/mapping/test_quality.py`.
     """

@@ -93,7 +93,7 @@ def texts_in(tree):
     return [value for value in found if isinstance(value, str)]
 
 
-def test_a_moment_is_written_as_the_help_shows_it():
+def test_a_time_is_written_as_the_help_shows_it():
     option = click.Option(["--moment"], type=MOMENT)
     command = click.Command("map", params=[option])
     context = click.Context(command)

@@ -5,7 +5,7 @@ import pytest
 from grebe.cli.fleet_run import explain, next_command
 from grebe.core.errors import IncompleteError
 from grebe.core.events import EndReason
-from grebe.mission.telling.statistics import MissionReport
+from grebe.mission.events.statistics import MissionReport
 from grebe.workflow.fleets import FleetReport
 
 
@@ -28,7 +28,9 @@ def test_boats_that_wait_ashore_after_their_sorties_are_no_failure(capsys):
     assert next_command(waits, "f.gpkg") == "grebe run f.gpkg --resume"
 
 
-def test_where_one_has_not_done_its_part_targets_are_missed_and_who_waits_is_said(capsys):
+def test_missed_targets_and_boats_that_wait_ashore_are_reported(
+    capsys,
+):
     missed = report(reached=7, ashore=(1,), ends=(EndReason.CAME_HOME, EndReason.COMPLETE))
     with pytest.raises(IncompleteError, match="13 of 20"):
         explain(missed, "f.gpkg")

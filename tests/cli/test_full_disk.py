@@ -87,7 +87,7 @@ def test_a_command_that_finds_the_disk_full_leaves_the_older_file(folder, words,
 
 
 @pytest.mark.slow
-def test_a_mission_whose_disk_fills_up_stops_the_boat_and_keeps_what_it_said(tmp_path):
+def test_a_mission_whose_disk_fills_up_stops_the_boat_and_keeps_its_record(tmp_path):
     planned = tmp_path / "planned.gpkg"
     write_survey(planned, square_survey(side_m=40.0))
     victim = Victim.of(tmp_path, planned, pace_s=0.0)

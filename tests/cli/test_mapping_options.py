@@ -42,7 +42,7 @@ def told(command, survey, *asked):
     ],
     ids=" ".join,
 )
-def test_what_cokriging_does_not_heed_is_refused(survey, tmp_path, asked):
+def test_options_that_cokriging_ignores_are_refused(survey, tmp_path, asked):
     for command, out in (("map", "--out"), ("report", "-o")):
         error = told(command, survey, out, str(tmp_path / "out"), *TOGETHER, *asked)
         assert isinstance(error, UsageError), error
@@ -59,7 +59,7 @@ def test_a_raster_of_depths_and_many_surveys_are_refused_too(survey, tmp_path):
     assert "ignores --drift" in str(error)
 
 
-def test_what_cokriging_heeds_is_not_refused(survey, tmp_path):
+def test_options_that_cokriging_uses_are_accepted(survey, tmp_path):
     settings = settings_with(
         PLAIN | {"method": "kriging", "scale": "linear", "moment": "middle"}, None
     )

@@ -63,7 +63,7 @@ def test_shape_and_cell(lake, tmp_path, shape):
         assert file.survey.settings.shape == shape
 
 
-def test_the_best_angle_has_a_shorter_way_than_north(tmp_path):
+def test_the_best_angle_has_a_shorter_path_than_north(tmp_path):
     """The region is a strip at 30 degrees to north."""
     frame = region_of([(0, 0), (60, 0), (60, 80), (0, 80)]).frame
     strip = shapely.affinity.rotate(shapely.box(0, 0, 100, 24), 30)

@@ -44,7 +44,7 @@ def test_a_rule_that_is_given_no_weights_has_its_own(
     assert made == [rule]
 
 
-def test_a_rule_of_one_s_own_is_flown_and_resumed_by_name(tmp_path: Path) -> None:
+def test_a_user_s_rule_is_sailed_and_resumed_by_name(tmp_path: Path) -> None:
     own, file = tmp_path / "own.py", tmp_path / "s.gpkg"
     own.write_text(OWN)
     assert rule_named(f"python:{own}") == Lookahead(stages=20)

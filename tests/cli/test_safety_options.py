@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import click
 import pytest
 from click.testing import CliRunner
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 
 from grebe.cli.run_command import command
 from grebe.cli.safety_options import boats_changed, next_instant, safety_of
@@ -59,7 +59,7 @@ def test_the_battery_of_no_boat_is_refused(number):
 def test_a_boat_is_brought_home_and_that_is_a_success(tmp_path):
     path = tmp_path / "s.gpkg"
     with SurveyFile.create(path, square_survey(side_m=30.0), meta={}, force=True) as file:
-        simulate(file, settings=MissionSettings(limit_s=15.0))
+        run_simulated(file, settings=MissionSettings(limit_s=15.0))
     ran = CliRunner().invoke(command, [str(path), "--return", "--json"])
     assert ran.exit_code == 0, ran.output
     assert json.loads(ran.stdout)["ended"] == "came_home"

@@ -36,7 +36,7 @@ def test_a_closed_standard_output_ends_nothing():
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_log_is_told_of_tenths_and_of_time_and_what_is_left():
+def test_a_log_gets_progress_in_tenths_and_the_time_left():
     now = 0.0
     pace = Pace(lambda: now)
     assert pace.is_due(100, 1000)  # earlier work does not count towards the pace

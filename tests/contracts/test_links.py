@@ -22,9 +22,9 @@ from grebe.links.nmea.settings import NmeaSettings
 from grebe.links.recording import RecordingLink
 from grebe.links.replay import Recording, ReplayLink
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.rota import InTurn, Rota
-from grebe.mission.telling.recorders import MemoryRecorder
+from grebe.mission.round_robin import RoundRobin, RoundRobinLink
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import Sonde, UniformSonde
 from grebe.simulation.water import free_water
@@ -141,7 +141,7 @@ LINKS = {
     "mavlink, by sticks": lambda: linked(standin(SURVEY, **EXACT), survey=SURVEY, drive="sticks"),
     "nmea": nmea,
     "recorded": lambda: RecordingLink(simulated(), Deaf()),
-    "in turn": lambda: InTurn(simulated(), Rota([1]), 1),
+    "in turn": lambda: RoundRobinLink(simulated(), RoundRobin([1]), 1),
 }
 # Boats that follow thrusts without lag: a mission is the same on all of them.
 BARE = ("simulated", "wrapping", "socket")

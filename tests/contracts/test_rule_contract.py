@@ -22,7 +22,7 @@ from grebe.control.rules.lookahead import Lookahead
 from grebe.control.rules.single import Single
 from grebe.core.sets import rectangle
 from grebe.core.vessel import HullMasses, Vessel, paper_masses, vessel_named
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 
 BOAT = vessel_named("benchmark")
 HOW_TO = Path(__file__).resolve().parents[2] / "docs" / "how-to"
@@ -156,7 +156,7 @@ def test_a_mirrored_situation_gives_a_mirrored_horizon(rule, state):
 def test_every_rule_completes_a_small_mission(rule):
     cells = CELLS[:4]
     pilot = Controller(BOAT, cells, rule)
-    flight = fly(BOAT, cells, pilot, (-10, 2.5, 0, 0, 0, 0), Conditions(limit_s=120))
+    flight = simulate(BOAT, cells, pilot, (-10, 2.5, 0, 0, 0, 0), Conditions(limit_s=120))
     assert flight.complete
     assert flight.report.unsolved_steps == 0
 
@@ -164,7 +164,7 @@ def test_every_rule_completes_a_small_mission(rule):
 @pytest.mark.parametrize(
     ("page", "shown"), [("add-a-rule.md", "Sprint"), ("add-a-vessel.md", "punt")]
 )
-def test_the_how_to_s_show_the_code_that_is_flown_here(page, shown):
+def test_the_how_tos_show_the_code_that_is_sailed_here(page, shown):
     """The code block of each page runs by itself and contains the source that is tested here."""
     text = (HOW_TO / page).read_text()
     code = re.search(r"```python\n(.*?)```", text, re.DOTALL).group(1)
@@ -197,7 +197,7 @@ def punt() -> Vessel:
 
 def test_a_user_s_own_vessel_flies():
     boat, cells = punt(), CELLS[:4]
-    flight = fly(boat, cells, Controller(boat, cells), (-10, 2.5, 0, 0, 0, 0))
+    flight = simulate(boat, cells, Controller(boat, cells), (-10, 2.5, 0, 0, 0, 0))
     assert flight.complete
     assert flight.report.unsolved_steps == 0
 
@@ -227,6 +227,6 @@ AWKWARD = {
 def test_awkward_targets_are_reached(rule, targets):
     sets = AWKWARD[targets]
     pilot = Controller(BOAT, sets, rule)
-    flight = fly(BOAT, sets, pilot, (-10, 2.5, 0, 0, 0, 0), Conditions(limit_s=300))
+    flight = simulate(BOAT, sets, pilot, (-10, 2.5, 0, 0, 0, 0), Conditions(limit_s=300))
     assert flight.complete
     assert flight.report.unsolved_steps == 0

@@ -120,10 +120,10 @@ import sys
 from grebe.control.controller import Controller
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import fly
+from grebe.mission.trial import simulate
 cells = [rectangle((0, 5), (5 * k, 5 * k + 5), (1, 2)) for k in range(2)]
 boat = PRESETS["benchmark"]
-flight = fly(boat, cells, Controller(boat, cells), (-8, 2, 0, 0, 0, 0))
+flight = simulate(boat, cells, Controller(boat, cells), (-8, 2, 0, 0, 0, 0))
 assert flight.complete and len(flight.step_ms) > 5 and flight.report.unsolved_steps == 0
 print("casadi" in sys.modules)
 """

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from grebe.control.adaptation import fitted
 from grebe.control.controller import Controller
 from grebe.control.correction import AS_MODELLED, Correction, turned
-from grebe.control.flown import Flown
+from grebe.control.motion_record import MotionRecord
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
 from grebe.core.events import Warned
 from grebe.core.vessel import PRESETS
 from grebe.links.simulated import EstimateErrors
 from grebe.mission import loop
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.changing import Tide
 from grebe.simulation.plant import Plant
 
@@ -50,7 +50,7 @@ def drive(vessel, *, plant, late_s=0.0, compass_rad=0.0, noise=0.0, seed=3):
     impulses = np.vstack([np.zeros(2), np.cumsum(told, axis=0)])
     impulses = np.vstack([impulses, impulses[-1] + 5 * told[-1]])
     keep = np.array(times) <= 40.0
-    return Flown(
+    return MotionRecord(
         times=np.array(times)[keep],
         states=turned(seen, compass_rad)[keep],
         order_times=np.append(np.arange(41.0), 45.0),
@@ -83,7 +83,7 @@ def test_noise_in_a_cross_current_is_not_taken_for_another_boat(north_mps, east_
     weather = Weather(current_north_mps=north_mps, current_east_mps=east_mps)
     noise = EstimateErrors(velocity_mps=0.03, position_m=0.02, heading_rad=0.005)
     helm = Controller(boat, sets)
-    flight = fly(
+    flight = simulate(
         boat, sets, helm, (-10.0, 2.5, 0, 0, 0, 0), Conditions(weather=weather, errors=noise)
     )
     assert flight.complete
@@ -147,7 +147,7 @@ def test_turns_of_a_boat_that_is_seen_seldom_are_no_noise(every_s):
     rng, plant = np.random.default_rng(2), Plant(SPYBOAT, AT_REST, effectiveness=(0.5, 1.0))
     tracker, found_s = Tracker(SPYBOAT), math.inf
     for i in range(round(30 / every_s)):
-        if tracker.see(plant.time_s, plant.state):
+        if tracker.update(plant.time_s, plant.state):
             found_s = min(found_s, plant.time_s)
         if i % round(2 / every_s) == 0:
             told = tuple((rng.uniform(0.0, 0.9, 2) * SPYBOAT.thrust_max_n).tolist())
@@ -201,7 +201,7 @@ def test_thrusters_with_a_lag_are_hurried_within_their_limits():
 def sail(conditions):
     sets = meander(rows=3, columns=6)
     start = (-5.0, 2.0, 0.0, 0.0, 0.0, 0.0)
-    return fly(SPYBOAT, sets, Controller(SPYBOAT, sets), start, conditions)
+    return simulate(SPYBOAT, sets, Controller(SPYBOAT, sets), start, conditions)
 
 
 def test_a_mission_as_modelled_is_the_same_whether_the_model_is_doubted_or_not(monkeypatch):

@@ -15,10 +15,10 @@ from grebe.control.solvers.base import Built, Solution, Status
 from grebe.control.solvers.builders import Fatrop, Ipopt
 from grebe.core.dynamics import CALM, Weather, rates, rk4
 from grebe.core.sets import footprints_of, rectangle
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, fly, meander
-from grebe.planning.ways.travel import travel_of
+from grebe.mission.trial import Conditions, meander, simulate
+from grebe.planning.paths.travel import travel_of
 
 BOAT = PRESETS["benchmark"]
 DUAL = Dual()
@@ -148,7 +148,7 @@ def test_the_last_target_is_reached_and_not_circled():
     assert all(status.is_solved for status in statuses)
 
 
-def test_a_boat_at_rest_in_its_cell_does_not_put_off_for_ever():
+def test_a_boat_at_rest_in_its_cell_does_not_wait_for_ever():
     controller = Controller(BOAT, row_of_cells(1), DUAL, solver=Fatrop())
     drive(controller, (2.5, 2.5, 0, 0, 0, 0), 40)
     assert controller.done
@@ -173,7 +173,7 @@ class Failing:
         return solution
 
 
-def test_a_failed_solve_is_started_anew(fatrop):
+def test_a_failed_solve_is_restarted(fatrop):
     flaky = Failing(fatrop, lambda call: call == 1)
     controller = Controller(
         BOAT, row_of_cells(2), DUAL, solver=Built(solver=flaky), second_solver=Built(solver=fatrop)
@@ -237,14 +237,14 @@ class Answering:
         return Solution(plan=plan, status=status, cost=cost, iterations=1)
 
 
-def test_a_feasible_plan_is_followed_and_said_to_be_improved_only():
+def test_a_feasible_plan_is_followed_and_reported_as_improved_only():
     inside = Answering((2.5, Status.FEASIBLE, 1.0))
     controller = Controller(BOAT, row_of_cells(2), solver=Built(solver=inside))
     assert controller.step((-10, 2.5, 0, 0, 0, 0)).status is StepStatus.IMPROVED
 
 
 @pytest.mark.parametrize(("afresh", "chosen"), [(5.0, 2.5), (9.9, 8.0), (20.0, 8.0)])
-def test_a_plan_that_misses_its_set_gives_way_to_a_cheaper_one_made_afresh(afresh, chosen):
+def test_a_plan_that_misses_its_set_is_replaced_by_a_cheaper_new_one(afresh, chosen):
     """The first plan ends at 8 m, beyond the set, at cost 10; the second one in the set."""
     solver = Answering((8.0, Status.SOLVED, 10.0), (2.5, Status.SOLVED, afresh))
     controller = Controller(BOAT, row_of_cells(1), solver=Built(solver=solver))
@@ -346,7 +346,7 @@ def test_thrift_saves_a_fifth_of_the_energy_for_a_tenth_of_the_time():
     boat, cells = PRESETS["blueboat"], meander(rows=4, columns=4, side=10.0, speed=(0.5, 1.5))
     start = (-10.0, 5.0, 0.0, 0.0, 0.0, 0.0)
     plain, thrifty = (
-        fly(boat, cells, Controller(boat, cells, Lookahead(thrift=price)), start)
+        simulate(boat, cells, Controller(boat, cells, Lookahead(thrift=price)), start)
         for price in (0.0, 0.5)
     )
     assert plain.complete
@@ -365,12 +365,12 @@ def test_a_set_beyond_the_horizon_is_not_raced_for(thrift, current):
     cells = [rectangle((0, 20), (east, east + 20), (0.5, 2.0)) for east in (0, 160)]
     world = Conditions(weather=Weather(current_east_mps=current), limit_s=200.0)
     helm = Controller(boat, cells, Lookahead(thrift=thrift))
-    trial = fly(boat, cells, helm, (10.0, -10.0, 1.57, 0, 0, 0), world)
+    trial = simulate(boat, cells, helm, (10.0, -10.0, 1.57, 0, 0, 0), world)
     assert trial.complete
     assert trial.track[:, 4].max() < 2.06
 
 
-def test_large_sets_are_entered_where_the_way_goes_on():
+def test_large_sets_are_entered_where_the_path_continues():
     """If the horizon ends at the first set, its nearest point is not the best entry.
 
     On this route there and back, boats that entered there took a quarter longer than predicted.
@@ -379,10 +379,10 @@ def test_large_sets_are_entered_where_the_way_goes_on():
     places = [(0, 0), (0, 1), (1, 1), (1, 0), (2, 0), (2, 1), (3, 1)]
     cells = [rectangle((60 * n, 60 * n + 60), (60 * e, 60 * e + 60), speed) for n, e in places]
     start = (-20.0, 10.0, 0.0, 0.0, 0.0, 0.0)
-    trial = fly(boat, cells, Controller(boat, cells), start, Conditions(limit_s=600.0))
+    trial = simulate(boat, cells, Controller(boat, cells), start, Conditions(limit_s=600.0))
     assert trial.complete
     travel = travel_of(boat, speed, CALM)
-    taut = travel.path_s(taut_way(start[:2], footprints_of(cells)))
+    taut = travel.path_s(taut_path(start[:2], footprints_of(cells)))
     assert trial.duration_s < 1.1 * taut
     assert (trial.track[:, 4] > 2.02).mean() < 0.05
 
@@ -396,9 +396,9 @@ def test_a_boat_that_lies_in_a_large_set_takes_up_speed_and_goes_on():
     boat, speed = PRESETS["blueboat"], (0.5, 1.5)
     places = [(0, 0), (-1, 0), (-1, -1), (0, -1), (0, -2), (-1, -2)]
     cells = [rectangle((25 * n, 25 * n + 25), (25 * e, 25 * e + 25), speed) for n, e in places]
-    trial = fly(boat, cells, Controller(boat, cells), (12.5, 12.5, 0.0, 0.0, 0.0, 0.0))
+    trial = simulate(boat, cells, Controller(boat, cells), (12.5, 12.5, 0.0, 0.0, 0.0, 0.0))
     assert trial.complete
     travel = travel_of(boat, speed, CALM)
-    taut = travel.path_s(taut_way((12.5, 12.5), footprints_of(cells)))
+    taut = travel.path_s(taut_path((12.5, 12.5), footprints_of(cells)))
     assert trial.duration_s < 1.2 * taut
     assert (trial.track[:, 4] < -0.1).mean() < 0.1

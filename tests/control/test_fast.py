@@ -51,10 +51,10 @@ def test_derivatives_are_those_of_automatic_differentiation(name):
         p = parameter_vector(vessel, weather)
         out, sens, plain = np.empty(6), np.empty((6, 8)), np.empty(6)
         evals = 4 * SUBSTEPS
-        points, slopes = np.empty((evals, 4, 8)), np.empty((evals, 4))
+        stage_sens, stage_states = np.empty((evals, 4, 8)), np.empty((evals, 4))
         jacs, hess = np.empty((evals, 6, 8)), np.empty((7, 8))
-        linearise(p, state, thrusts, 0.4, SUBSTEPS, out, sens, points, slopes, jacs)
-        second_order(p, costate, 0.4, SUBSTEPS, points, slopes, jacs, hess)
+        linearise(p, state, thrusts, 0.4, SUBSTEPS, out, sens, stage_sens, stage_states, jacs)
+        second_order(p, costate, 0.4, SUBSTEPS, stage_sens, stage_states, jacs, hess)
         advance(p, state, thrusts, 0.4, SUBSTEPS, plain)
         value, jacobian, curve = (
             np.array(x) for x in reference(state, thrusts, 0.4, weather, costate)

@@ -16,7 +16,7 @@ from grebe.control.tracker import Tracker
 from grebe.core.events import Warned
 from grebe.core.sets import rectangle
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.plant import Plant
 
 SPYBOAT, BENCHMARK = PRESETS["spyboat"], PRESETS["benchmark"]
@@ -31,7 +31,7 @@ def slow(vessel, now_n, lag_s):
 
 
 @given(durations, st.floats(0.2, 2.0))
-def test_the_reach_is_what_a_boat_gives_that_is_told_the_most(stages, lag_s):
+def test_the_reach_is_what_thrusters_give_under_the_largest_order(stages, lag_s):
     plant = Plant(replace(SPYBOAT, thruster_lag_s=lag_s), AT_REST)
     plant.command((SPYBOAT.thrust_max_n, SPYBOAT.thrust_min_n))
     least, most = slow(SPYBOAT, (0.0, 0.0), lag_s).reach(stages)
@@ -82,7 +82,7 @@ def test_both_solvers_keep_a_plan_within_the_reach():
     assert plans[0].cost == pytest.approx(plans[1].cost, rel=1e-3)
 
 
-def test_a_tracker_tells_of_slow_thrusters_alone():
+def test_a_tracker_reports_slow_thrusters_only():
     quick, known = Tracker(SPYBOAT), Tracker(replace(SPYBOAT, thruster_lag_s=0.8))
     assert quick.thrusters(0.0) is None
     known.sent(0.0, (10.0, 0.0))
@@ -98,7 +98,7 @@ def test_a_tracker_tells_of_slow_thrusters_alone():
 def sail(model, boat):
     sets = meander(rows=3, columns=6)
     start = (-5.0, 2.0, 0.0, 0.0, 0.0, 0.0)
-    return fly(model, sets, Controller(model, sets), start, Conditions(boat=boat))
+    return simulate(model, sets, Controller(model, sets), start, Conditions(boat=boat))
 
 
 def test_a_lag_that_is_known_or_found_costs_little():

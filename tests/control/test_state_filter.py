@@ -40,7 +40,7 @@ def sail(noise, *, seconds=60, boat=BOAT, weather=None, drift_m=0.0, seed=5):
         estimate[:2] += off
         seen.append(tuple(estimate.tolist()))
         if i:
-            one.see(p, seen[-2], thrusts, seen[-1], EVERY_S, SUBSTEPS, observer)
+            one.update(p, seen[-2], thrusts, seen[-1], EVERY_S, SUBSTEPS, observer)
         believed.append(one.filtered(seen[-1]))
         if i % 20 == 0:
             thrusts = tuple((rng.uniform(-0.2, 0.9, 2) * boat.thrust_max_n).tolist())
@@ -80,27 +80,27 @@ def test_a_model_that_foretells_badly_is_not_believed():
     assert np.all(root_mean_square(np.array(believed) - true)[3:] < 1.1 * ALL[3:])
 
 
-def test_positions_that_wander_tell_no_velocity():
+def test_wandering_positions_give_no_velocity():
     _, true, _, believed = sail(VELOCITIES, drift_m=0.3)
     assert np.all(root_mean_square(np.array(believed) - true)[3:] < 0.7 * VELOCITIES[3:])
 
 
-def test_after_a_gap_the_next_estimate_is_taken_as_it_comes():
+def test_after_a_gap_the_next_estimate_is_used_unfiltered():
     one, *_ = sail(ALL)
     jumped = (50.0, 50.0, 1.0, 0.0, 0.0, 0.0)
     assert one.filtered(jumped) != jumped
-    one.forget()
+    one.reset()
     assert one.filtered(jumped) == jumped
 
 
-def test_a_wild_estimate_is_taken_as_it_comes_and_spoils_nothing():
+def test_an_outlier_is_used_unfiltered_and_spoils_nothing():
     rng, one = np.random.default_rng(4), StateFilter()
     p = parameter_vector(BOAT, np.zeros(4))
     seen = (rng.normal(size=(600, 6)) * ALL).tolist()
     seen[400][0] += 20.0
     before = np.zeros(6)
     for i, (last, now) in enumerate(pairwise(map(tuple, seen)), 1):
-        one.see(p, last, (0.0, 0.0), now, EVERY_S, SUBSTEPS, Observer(BOAT))
+        one.update(p, last, (0.0, 0.0), now, EVERY_S, SUBSTEPS, Observer(BOAT))
         believed = one.filtered(now)
         assert abs(believed[3]) < 4 * ALL[3]
         if i == 399:
@@ -135,7 +135,7 @@ def gain_at_rest(seen, element):
         one, last = StateFilter(), list(seen[-1])
         last[element] += shift
         for before, after in pairwise([*seen[:-1], tuple(last)]):
-            one.see(p, before, (0.0, 0.0), after, EVERY_S, SUBSTEPS, Observer(BOAT))
+            one.update(p, before, (0.0, 0.0), after, EVERY_S, SUBSTEPS, Observer(BOAT))
         ends.append(one.filtered(seen[-1])[element])
     return (ends[1] - ends[0]) / moved, one.variances
 
@@ -148,26 +148,26 @@ def test_at_rest_it_is_the_kalman_filter():
     seen = [tuple((rng.normal(size=6) * ALL).tolist()) for _ in range(900)]
     gains, learned = zip(*(gain_at_rest(seen, i) for i in range(6)), strict=True)
     walk, noise = RandomWalk.around(BOAT), np.diag(learned[0])
-    slopes, measures = slopes_at_rest(walk.probe), np.eye(6, 10)
+    jacobian, measures = jacobian_at_rest(walk.probe), np.eye(6, 10)
     model = np.diag([*(LEAST_SHARE * learned[0]), *(EVERY_S * walk.drift)])
     covariance, gain = np.diag([*learned[0], *walk.sd**2]), np.zeros((10, 6))
     for _ in seen:
-        ahead = slopes @ covariance @ slopes.T + model
+        ahead = jacobian @ covariance @ jacobian.T + model
         gain = ahead @ measures.T @ np.linalg.inv(measures @ ahead @ measures.T + noise)
         covariance = (np.eye(10) - gain @ measures) @ ahead
     assert np.array(gains) == pytest.approx(np.diag(gain), rel=0.25)
 
 
-def slopes_at_rest(weather_steps):
+def jacobian_at_rest(weather_steps):
     """Derivatives (10, 10) of state and weather after one period, by those before, at rest."""
-    slopes, steps = np.eye(10), np.array([*[1e-6] * 6, *weather_steps])
+    jacobian, steps = np.eye(10), np.array([*[1e-6] * 6, *weather_steps])
     for j in range(10):
         moved, end = np.zeros(10), np.empty(6)
         moved[j] = steps[j]
         p = parameter_vector(BOAT, moved[6:])
         advance(p, moved[:6], np.zeros(2), EVERY_S, SUBSTEPS, end)
-        slopes[:6, j] = end / steps[j]
-    return slopes
+        jacobian[:6, j] = end / steps[j]
+    return jacobian
 
 
 def test_the_weather_is_known_better_than_by_pairs_of_estimates():
@@ -184,7 +184,7 @@ def test_the_weather_is_known_better_than_by_pairs_of_estimates():
         after = tuple((np.array(plant.state) + rng.normal(size=6) * noise).tolist())
         observer.update(before, thrusts, after, EVERY_S)
         p = parameter_vector(BOAT, current_and_wind(one.weather or observer.weather))
-        one.see(p, before, thrusts, after, EVERY_S, SUBSTEPS, observer)
+        one.update(p, before, thrusts, after, EVERY_S, SUBSTEPS, observer)
         errors.append(
             [
                 accelerations(plant, each) - accelerations(plant, truth)

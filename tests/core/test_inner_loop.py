@@ -85,7 +85,7 @@ def test_an_inner_loop_that_follows_the_motion_moves_as_the_equation_says(
     assert (yaw_rate - state[5]) / yaw_time_s(boat) == pytest.approx(predicted[5], abs=1e-9)
 
 
-def test_a_steady_boat_is_told_the_speed_that_it_has():
+def test_a_steady_boat_is_ordered_the_speed_that_it_has():
     boat = under_speed_control(PRESETS["blueboat"], speed_max_mps=2.0)
     half = 0.5 * boat.surge_drag_n(1.2)
     steady = (0.0, 0.0, 0.3, 1.2, 0.0, 0.0)

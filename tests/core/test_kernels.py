@@ -56,7 +56,7 @@ def _interruptible():
 
 
 @pytest.mark.parametrize("depth", [0, 2])
-def test_a_signal_is_heard_after_what_must_not_be_interrupted(depth):
+def test_a_signal_is_handled_after_what_must_not_be_interrupted(depth):
     """In nested calls, it is handled after the outermost."""
     done = []
     with pytest.raises(KeyboardInterrupt):

@@ -37,7 +37,7 @@ def test_footprint_distance_is_that_of_an_independent_library(omega, z):
 
 
 @given(target_sets(), states())
-def test_half_spaces_say_the_same_as_contains(omega, z):
+def test_half_spaces_agree_with_contains(omega, z):
     rows = omega.halfspaces
     inside = rows[:, :3] @ np.array([z[0], z[1], z[3]]) - rows[:, 3]
     assume(np.min(np.abs(inside)) > 1e-9)

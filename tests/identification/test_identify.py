@@ -28,7 +28,7 @@ def spyboat():
 TOLD = (*MASSES, "x_u", "y_v", "n_r", "thrust_min_n", "throttle_exponent", "thruster_lag_s")
 
 
-def test_a_late_boat_is_told_within_three_percent_from_three_minutes(spyboat):
+def test_a_delay_is_identified_within_three_percent_from_three_minutes(spyboat):
     preset, true, _, found = spyboat
     off = [abs(getattr(preset, name) / getattr(true, name) - 1) for name in TOLD[:6]]
     assert max(off) > 0.2, "the preset is not the answer"
@@ -39,7 +39,7 @@ def test_a_late_boat_is_told_within_three_percent_from_three_minutes(spyboat):
     assert found["current_east_mps"].value == pytest.approx(CURRENT.current_east_mps, abs=0.01)
 
 
-def test_its_errors_are_within_what_it_says_of_them(spyboat):
+def test_errors_are_within_the_stated_standard_errors(spyboat):
     _, true, _, found = spyboat
     z = [(found[name].value - abs(getattr(true, name))) / found[name].sd for name in TOLD]
     assert np.sqrt(np.mean(np.square(z))) < 1.8
@@ -108,7 +108,7 @@ def test_positions_and_headings_alone_will_do():
     assert np.isnan(states[:, 3:]).all()
 
 
-def test_glitches_and_a_weak_thruster_and_a_compass_that_is_off_are_told_apart():
+def test_glitches_a_weak_thruster_and_a_compass_error_are_distinguished():
     preset = PRESETS["benchmark"]
     true = boat_unlike(preset, 2)
     log, _ = manoeuvre_of(true, preset, 2)
@@ -203,7 +203,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("words", BAD)
-def test_a_log_that_cannot_tell_is_refused_in_one_sentence(words):
+def test_an_uninformative_log_is_refused_in_one_sentence(words):
     with pytest.raises(InputError, match=words) as caught:
         DriveLog(**GOOD | BAD[words])
     assert str(caught.value).startswith("log")

@@ -50,7 +50,7 @@ def test_a_kml_of_a_polygon_and_its_label_is_a_lake(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", [shapely.GeometryCollection, shapely.MultiPolygon])
-def test_an_island_within_the_same_feature_is_told(path: Path, kind: type) -> None:
+def test_an_island_within_the_same_feature_is_reported(path: Path, kind: type) -> None:
     outline = read_outline(drawn(path, kind([LAKE, ISLAND])))
     assert [n for n in outline.notes if n.startswith("polygon 2 lies within polygon 1")]
     assert not read_outline(drawn(path, LAKE)).notes

@@ -47,7 +47,7 @@ def test_a_report_says_of_a_track_what_it_is_of(china: Path, tmp_path: Path) -> 
         assert english not in text
 
 
-def test_one_quantity_is_told_as_one(tmp_path: Path) -> None:
+def test_one_quantity_is_reported_in_the_singular(tmp_path: Path) -> None:
     rows = [
         f"{1_600_000_000 + k},{44.4 + 1e-5 * (k % 20):.5f},{-69.6 + 1e-5 * (k // 20):.5f},"
         f"{20 + 0.01 * (k % 20):.3f}"
@@ -69,7 +69,7 @@ def test_no_shore_is_known_of_a_track(china: Path, tmp_path: Path) -> None:
     assert "the hull of its track and not a shore" in str(done.exception)
 
 
-def test_what_is_simulated_is_said_to_be(
+def test_simulated_data_are_reported_as_simulated(
     simulated_survey: tuple[Path, object], tmp_path: Path
 ) -> None:
     file, page = simulated_survey[0], tmp_path / "page.html"

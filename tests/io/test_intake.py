@@ -12,9 +12,10 @@ from conftest import CHINA, TRACKS, needs_tracks
 from grebe.cli.main import grebe
 from grebe.core.errors import InputError, TrackError
 from grebe.core.samples import Flag
-from grebe.io.readers.clock import read_times, zone_of
+from grebe.io.readers.clock import read_times
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.track import read_readings, read_track
+from grebe.io.readers.zones import zone_of
 from grebe.workflow.tracks import import_track
 
 
@@ -123,7 +124,7 @@ def test_a_date_and_a_time_and_their_order(tmp_path):
     assert days[0] == 1562407200
 
 
-def test_the_hour_that_comes_twice_is_told_apart():
+def test_the_hour_that_occurs_twice_is_resolved():
     paris = zone_of("Europe/Paris")
     cells = ["2025-10-26 02:30:00", "2025-10-26 02:59:59", "2025-10-26 02:00:00"]
     seconds, notes = read_times(cells, zone=paris)
@@ -149,7 +150,7 @@ def test_a_profile_names_the_columns_of_a_file_without_a_header(tmp_path):
 
 
 @pytest.mark.parametrize("ahead", [0, -97, 3671])
-def test_a_sonde_is_joined_by_the_clock_and_its_offset_is_told(tmp_path, ahead):
+def test_a_sonde_is_joined_by_the_clock_and_its_offset_is_reported(tmp_path, ahead):
     rng = np.random.default_rng(3)
     t = np.arange(900)
     warm = 20 + np.cumsum(rng.normal(0, 0.02, 900))
@@ -210,7 +211,7 @@ def track_of(folder, header, cells, count=40, name="t.csv"):
         ("Date,Time,timestamp", "2024-07-03,11:{m},{s}", "2024-07-03T09:15:00+00:00"),
     ],
 )
-def test_times_are_those_that_the_file_says(tmp_path, header, cell, expected):
+def test_times_are_those_that_the_file_states(tmp_path, header, cell, expected):
     """This holds for any unit since 1970, and for any column that names the zone."""
 
     def cells(k):
@@ -345,7 +346,7 @@ def test_a_number_that_stands_for_none_takes_no_neighbour_with_it(tmp_path):
         ("time,lat,Longitude (W),lon_dir,temp", "{t},{lat},3.0,W,20", -3.0, 50.0),
     ],
 )
-def test_a_side_is_said_once_and_a_direction_is_none(tmp_path, header, row, lon, lat):
+def test_a_side_is_stated_once_and_a_direction_is_none(tmp_path, header, row, lon, lat):
     path = tmp_path / "t.csv"
     rows = [row.format(t=1719998100 + k, lat=f"{50 + k * 1e-5:.6f}") for k in range(40)]
     path.write_text("\n".join([header, *rows]))

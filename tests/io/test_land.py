@@ -30,7 +30,7 @@ def test_no_lake_is_taken_for_the_sea(name):
 
 
 @pytest.mark.parametrize("place", [(-40.0, 40.0), (-140.0, -40.0), (70.0, -30.0), (-179.9, 0.5)])
-def test_the_middle_of_an_ocean_is_told(place):
+def test_a_region_in_the_middle_of_an_ocean_is_reported(place):
     assert not is_near_land(*place)
     assert "far from any land" in sea_warning(*place)
 

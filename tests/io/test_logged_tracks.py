@@ -103,7 +103,7 @@ WRITERS = {"t.gpx": gpx, "t.tlog": telemetry, "t.bin": dataflash, "t.nmea": sent
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_every_log_tells_the_same_way(tmp_path, name):
+def test_every_log_gives_the_same_path(tmp_path, name):
     path = tmp_path / name
     WRITERS[name](path)
     track = read_track(path)

@@ -103,7 +103,7 @@ def test_an_imported_track_has_no_plan(tmp_path):
 
 
 def test_a_file_that_another_process_has_is_left_as_it_was(old, monkeypatch):
-    monkeypatch.setattr(database, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(database, "TIMEOUT_S", 0.1)
     with closing(sqlite3.connect(old)) as other:
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(SurveyFileError, match="writ"):

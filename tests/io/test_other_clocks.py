@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from grebe.core.errors import TrackError
-from grebe.io.readers.clock import read_times, zone_of
+from grebe.io.readers.clock import read_times
 from grebe.io.readers.nmea_log import read_nmea
 from grebe.io.readers.track import RawTrack, read_readings, read_track
+from grebe.io.readers.zones import zone_of
 
 MOMENT = datetime(2024, 7, 18, 9, 15, tzinfo=UTC).timestamp()
 
@@ -31,7 +32,7 @@ def seconds(cell: str, header: str = "") -> float:
         "07/18/2024 05:15:00 AM EDT", "18.07.2024 11:15 MESZ",
     ],
 )  # fmt: skip
-def test_a_moment_is_the_same_however_it_is_written(cell: str) -> None:
+def test_a_time_is_the_same_in_every_format(cell: str) -> None:
     assert seconds(cell) == MOMENT
 
 
@@ -52,7 +53,7 @@ def test_letters_that_change_are_not_taken_for_one_zone() -> None:
     assert read_times(["07/18/2024 09:15 EDT", "07/18/2024 09:16 EST"]) is None
 
 
-def test_a_year_of_two_digits_is_told_where_it_may_stand_first() -> None:
+def test_a_leading_two_digit_year_is_recognised() -> None:
     read = read_times(["24/07/18 09:15:00"] * 3)
     assert read is not None
     assert "taken as day, month and year, 24 July 2018" in read[1][0]
@@ -85,7 +86,7 @@ def test_the_offset_before_the_header_is_the_zone_unless_another_is_given(path: 
     assert given.times[0] == MOMENT + 7200
 
 
-def test_a_line_of_units_tells_the_order_of_the_date(path: Path) -> None:
+def test_a_line_of_units_gives_the_order_of_the_date(path: Path) -> None:
     rows = [f'070824,0915{k:02d},18.5,"",{46.5 + 1e-5 * k:.6f},8.0' for k in range(20)]
     lines = ["Date,Time,Temp,,Lat,Long", "MMDDYY,HHMMSS,C,,deg,deg", *rows]
     path.write_text("\n".join(lines) + "\n")
@@ -127,7 +128,7 @@ def test_columns_of_other_makers_and_languages_are_known(
     assert track.values[key] == pytest.approx(np.full(20, value))
 
 
-def test_of_two_columns_of_one_name_the_second_is_told_and_can_be_named(path: Path) -> None:
+def test_of_two_columns_of_one_name_the_second_is_reported_and_can_be_named(path: Path) -> None:
     header, cells = "time,Temp (C),Temp (C)", ("2024-07-18T09:15:00Z", "25", "18.5")
     track = read(path, header, *cells)
     assert "Temp (C) #2" in track.unused
@@ -136,7 +137,7 @@ def test_of_two_columns_of_one_name_the_second_is_told_and_can_be_named(path: Pa
     assert second.values["temperature_degc"][0] == 18.5
 
 
-def test_a_nitrate_that_may_be_the_whole_ion_is_told(path: Path) -> None:
+def test_an_ambiguous_nitrate_is_reported(path: Path) -> None:
     def told(name: str) -> bool:
         track = read(path, f"time,{name}", "2024-07-18T09:15:00Z", "2.1")
         return any("4.43 times" in note for note in track.notes)

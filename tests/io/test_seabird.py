@@ -12,8 +12,8 @@ from click.testing import CliRunner
 
 from grebe.cli.main import grebe
 from grebe.core.errors import TrackError
-from grebe.io.readers.clock import zone_of
 from grebe.io.readers.track import read_readings, read_track
+from grebe.io.readers.zones import zone_of
 from grebe.workflow.tracks import import_track
 
 START = datetime(2023, 6, 21, 14, 5, 32, tzinfo=UTC)
@@ -105,7 +105,7 @@ def test_a_track_has_its_units_from_the_names(tmp_path: Path) -> None:
         ("scan: Scan Count", lambda k: str(k + 1), NMEA),
     ],
 )
-def test_every_clock_tells_the_same_times(
+def test_every_clock_gives_the_same_times(
     tmp_path: Path, name: str, value: Callable[[int], object], start: str
 ) -> None:
     """They are elapsed, of the year, since 2000 or 1970, or only by the interval between scans."""
@@ -158,7 +158,7 @@ def test_a_temperature_of_the_scale_of_1968_is_converted(tmp_path: Path) -> None
         "prdM: Pressure, Strain Gauge [db]",
     ],
 )
-def test_what_is_none_of_the_quantities_is_told_as_not_used(tmp_path: Path, name: str) -> None:
+def test_columns_of_no_quantity_are_reported_as_unused(tmp_path: Path, name: str) -> None:
     """The oxygen that water could hold is not what it holds, and a voltage is not oxygen."""
     read = read_readings(cnv(tmp_path / "a.cnv", (name,), lambda k: (5.0,)), placed=False)
     assert not read.values
@@ -173,7 +173,7 @@ def test_a_file_that_was_cut_off_is_read_to_its_last_whole_scan(tmp_path: Path) 
     assert "the header announces 60 rows, but there are 50" in read.notes
 
 
-def test_a_start_that_is_the_upload_s_is_told(tmp_path: Path) -> None:
+def test_a_start_time_of_the_upload_is_reported(tmp_path: Path) -> None:
     path = cnv(tmp_path / "a.cnv", start="Jun 21 2023 14:05:32 [System UpLoad Time]")
     notes = read_readings(path, placed=False).notes
     assert any("start_time is when the instrument was read out" in note for note in notes)

@@ -66,14 +66,14 @@ def test_two_units_in_one_column_are_refused(path: Path) -> None:
         read(path, "time,latitude,longitude,Temp,TempUnit", *rows)
 
 
-def test_cells_that_are_no_numbers_are_told(path: Path) -> None:
+def test_cells_that_are_not_numbers_are_reported(path: Path) -> None:
     rows = [row(k, "19.5 C" if k % 2 else 19.5, "" if k % 3 else "NaN") for k in range(20)]
     track = read(path, HEADER, *rows)
     assert "Temp: 10 of 20 cells are not numbers ('19.5 C'): left out" in track.notes
     assert not any(note.startswith("pH") for note in track.notes)
 
 
-def test_one_is_told_as_one(path: Path) -> None:
+def test_one_value_is_reported_in_the_singular(path: Path) -> None:
     rows = [row(k, "19.5 C" if k == 9 else 19.5, 7) for k in range(20)]
     track = read(path, "a logger", HEADER, *rows[:10], HEADER, *rows[10:])
     assert track.notes == (
@@ -97,7 +97,7 @@ def test_a_depth_alone_is_the_water_s(path: Path) -> None:
     assert "sonde_depth_m" in beside.values
 
 
-def test_a_clock_of_twelve_hours_and_a_pause_are_told(path: Path) -> None:
+def test_a_twelve_hour_clock_and_a_pause_are_reported(path: Path) -> None:
     hours = [12] * 10 + [1] * 10
     lines = [
         f"2020-09-15 {hour:02d}:{(50 + k) % 60:02d}:00,{44.4 + 1e-5 * k},-69.6,20,7"
@@ -121,7 +121,7 @@ def test_a_date_with_am_and_pm_has_the_month_first_in_america(path: Path) -> Non
         read(path, HEADER, *lines)
 
 
-def test_a_record_that_goes_over_midnight_tells_day_from_month(path: Path) -> None:
+def test_a_record_across_midnight_distinguishes_day_from_month(path: Path) -> None:
     def lines(first: str, second: str) -> list[str]:
         clocks = [f"{first} 11:{50 + k}:00 PM" for k in range(10)]
         clocks += [f"{second} 12:{k:02d}:00 AM" for k in range(10)]

@@ -59,7 +59,7 @@ def test_a_saturation_is_reckoned_from_moles(path: Path) -> None:
     assert track.values[SATURATION] == pytest.approx(np.full(20, 100 * 7.9997 / 9.092), rel=1e-4)
 
 
-def test_an_instrument_says_moles_by_mass_too() -> None:
+def test_an_instrument_may_give_moles_by_mass() -> None:
     for spelled, factor in (("umol/kg", 0.0319988), ("mL/L", 1.42903)):
         unit = unit_of(spelled)
         assert unit is not None
@@ -104,11 +104,11 @@ def test_short_names_are_known(path: Path, name: str, key: str, factor: float) -
         ("DO (% CB)", "at the local pressure of the air"),
     ],
 )
-def test_what_stays_in_doubt_is_said(path: Path, names: str, said: str) -> None:
+def test_what_remains_ambiguous_is_reported(path: Path, names: str, said: str) -> None:
     assert any(said in note for note in read(path, names, 95).notes)
 
 
-def test_nothing_is_said_where_there_is_no_doubt(path: Path) -> None:
+def test_nothing_is_reported_without_ambiguity(path: Path) -> None:
     names = "Cond µS/cm,spcond_us_cm,do_mgl,ODO % sat"
     track = read(path, names, 400, 420, 8, 95)
     assert len(track.values) == 4

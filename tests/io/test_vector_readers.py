@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from grebe.core.errors import InputError, RegionError
-from grebe.io.readers import hostile
+from grebe.io.readers import untrusted
 from grebe.io.readers.outline import read_outline
 
 LAKE = shapely.Polygon(
@@ -172,7 +172,7 @@ def test_hostile_files_are_refused_at_once(tmp_path, name, make, says):
 def test_an_archive_cannot_write_beside_its_folder(tmp_path):
     with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
         archive.writestr("../../escaped.kml", "<kml/>")
-    with hostile.unpacked(tmp_path / "x.zip") as inner:
+    with untrusted.unpacked(tmp_path / "x.zip") as inner:
         assert inner.name == "escaped.kml"
         assert inner.parent.name.startswith("grebe-")
     assert not list(tmp_path.parent.glob("**/escaped.kml"))

@@ -10,11 +10,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from grebe.control.controller import Controller
 from grebe.core.dynamics import CALM
 from grebe.links.mavlink.link import open_link
-from grebe.links.mavlink.rehearsal import CLEAR, MemoryWire
+from grebe.links.mavlink.rehearsal import NO_RADIO_FAULTS, MemoryWire
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.links.mavlink.standin import StandIn
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.autopilot import NO_UPSETS, Autopilot, AutopilotSettings, Mode
 from grebe.simulation.plant import Plant
 
@@ -63,28 +63,35 @@ class Px4StandIn(StandIn):
         self.autopilot._asked = asked
         return mavlink.MAV_RESULT_ACCEPTED
 
-    def _say_parameter(self, name):
+    def _send_parameter(self, name):
         if name != "COM_LOW_BAT_ACT":
-            super()._say_parameter(name)
+            super()._send_parameter(name)
             return
-        self._say(
+        self._send(
             mavlink.MAVLink_param_value_message(
                 name.encode(), self.parameters[name], mavlink.MAV_PARAM_TYPE_INT32, 1, 0
             )
         )
 
 
-def line_to(boat, air=CLEAR, watch=lambda _: None):
+def line_to(boat, radio=NO_RADIO_FAULTS, watch=lambda _: None):
     """A line to a stand-in whose position has become good."""
-    wire = MemoryWire(boat, air, watch)
+    wire = MemoryWire(boat, radio, watch)
     while not boat.autopilot.knows_position and boat.autopilot.time_s < 60:
         wire.sail()
     return wire
 
 
-def linked(boat=None, air=CLEAR, survey=SURVEY, drive="motion", watch=lambda _: None, **settings):
+def linked(
+    boat=None,
+    radio=NO_RADIO_FAULTS,
+    survey=SURVEY,
+    drive="motion",
+    watch=lambda _: None,
+    **settings,
+):
     """A link that has taken its boat over."""
-    wire = line_to(boat or standin(survey), air, watch)
+    wire = line_to(boat or standin(survey), radio, watch)
     link = open_link(wire, survey.frame, survey.vessel, MavlinkSettings(drive=drive, **settings))
     link.engage(lambda _: True)
     return link

@@ -17,7 +17,7 @@ from grebe.links.base import IDLE, Order
 from grebe.links.mavlink.clock import BoatClock
 from grebe.links.mavlink.link import open_link
 from grebe.links.mavlink.preflight import preflight
-from grebe.links.mavlink.rehearsal import Air
+from grebe.links.mavlink.rehearsal import RadioFaults
 from grebe.links.mavlink.settings import MavlinkSettings
 from grebe.simulation.autopilot import Mode, Upsets
 
@@ -56,7 +56,7 @@ def test_the_estimates_are_the_boat_s_states_in_the_survey_s_frame():
 
 
 def test_the_age_of_an_estimate_is_the_line_s_delay():
-    link = linked(air=Air(delay_s=0.3))
+    link = linked(radio=RadioFaults(delay_s=0.3))
     ages = [link.observe().age_s for _ in range(20)]
     assert np.median(ages) == pytest.approx(0.3, abs=0.03)
     assert link.station.clock.delay_s == pytest.approx(0.3, abs=0.03)
@@ -85,7 +85,7 @@ def test_thrusts_go_out_as_sticks_that_mix_to_them():
 def test_orders_are_repeated_and_end_when_nothing_is_seen_any_more():
     boat = standin()
     silent_from = 48.0
-    link = linked(boat, air=Air(silence=(silent_from, math.inf)), silence_s=10.0)
+    link = linked(boat, radio=RadioFaults(silence=(silent_from, math.inf)), silence_s=10.0)
     link.command(AHEAD)
     with pytest.raises(LinkError, match="silent for 10 s"):
         observe_for_ever(link)
@@ -93,7 +93,7 @@ def test_orders_are_repeated_and_end_when_nothing_is_seen_any_more():
 
 
 @pytest.mark.parametrize("drive", ["motion", "sticks"])
-def test_without_a_word_from_us_the_boat_stops_by_itself(drive):
+def test_without_orders_the_boat_stops_by_itself(drive):
     boat = standin()
     link = linked(boat, drive=drive)
     link.command(Order(thrusts=(6.0, 6.0), surge_mps=1.2, yaw_rate_radps=0))
@@ -125,7 +125,7 @@ def test_whoever_takes_the_boat_over_ends_the_mission_with_the_reason(fault):
         assert boat.autopilot.mode is Mode.MANUAL, "the mode of the pilot's choice stays"
 
 
-def test_a_breach_of_the_autopilot_s_own_fence_is_told():
+def test_a_breach_of_the_autopilot_s_own_fence_is_reported():
     small = shapely.Point(*SURVEY.start.at_rest()[:2]).buffer(6.0)
     report, _ = sail(linked(standin(fence=small)))
     assert 'mode HOLD ("Fence breached")' in report.message
@@ -137,17 +137,17 @@ def test_a_short_loss_of_the_fix_does_not_end_the_survey():
 
 
 @pytest.mark.parametrize(
-    "air",
+    "radio",
     [
-        Air(lost_share=0.3, seed=1),
-        Air(delay_s=0.25, seed=2),
-        Air(jitter_s=0.4, seed=3),
-        Air(silence=(50.0, 54.0)),
+        RadioFaults(lost_share=0.3, seed=1),
+        RadioFaults(delay_s=0.25, seed=2),
+        RadioFaults(jitter_s=0.4, seed=3),
+        RadioFaults(silence=(50.0, 54.0)),
     ],
     ids=["lost", "late", "out of order", "silent for 4 s"],
 )
-def test_a_bad_line_costs_time_and_nothing_else(air):
-    report, recorder = sail(linked(air=air))
+def test_a_bad_line_costs_time_and_nothing_else(radio):
+    report, recorder = sail(linked(radio=radio))
     assert report.complete
     assert len({step.elapsed_s for step in recorder.of(Step)}) == len(recorder.of(Step))
 
@@ -179,21 +179,21 @@ def test_nobody_s_yes_arms_nothing():
     assert boat.autopilot._asked.at_s == -math.inf, "an order went out before anybody agreed"
 
 
-def test_an_autopilot_that_stays_in_hold_is_told_so():
+def test_an_autopilot_that_stays_in_hold_is_reported():
     with pytest.raises(LinkError, match="stays in HOLD and does not enter GUIDED"):
         linked(standin(faults=Upsets(stuck_in_hold=True)))
 
 
-def test_an_autopilot_without_a_position_is_not_waited_for_for_ever():
+def test_waiting_for_an_autopilot_without_a_position_ends():
     boat = standin(ready_s=500.0)
     with pytest.raises(LinkError, match="does not know its position yet"):
         open_link(line_to(boat), SURVEY.frame, SURVEY.vessel, MavlinkSettings(settle_s=5.0))
 
 
-def test_an_empty_line_says_what_to_look_at():
+def test_the_error_for_a_silent_line_names_what_to_check():
     with pytest.raises(LinkError, match="No autopilot was heard within 2 s; check the address"):
         open_link(
-            line_to(standin(), Air(silence=(0, math.inf))),
+            line_to(standin(), RadioFaults(silence=(0, math.inf))),
             SURVEY.frame,
             SURVEY.vessel,
             MavlinkSettings(find_s=2.0),
@@ -277,7 +277,7 @@ def test_an_idle_order_asks_for_nothing():
     assert (*IDLE.thrusts, IDLE.surge_mps, IDLE.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_boat_under_px4_is_told_to_follow_only_once_orders_come():
+def test_px4_is_switched_to_offboard_only_once_orders_arrive():
     boat = Px4StandIn(standin(**EXACT))
     link = linked(boat)
     assert boat.autopilot.mode is Mode.GUIDED

@@ -20,25 +20,25 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE, Order
 from grebe.links.nmea.clock import StreamClock
 from grebe.links.nmea.link import NmeaLink, open_nmea
-from grebe.links.nmea.navigation import Track
-from grebe.links.nmea.pretend import PLAIN, PretendBoat, PretendWire, Voice, serve
+from grebe.links.nmea.navigation import ValueFilter
+from grebe.links.nmea.pretend import PLAIN, OutputSettings, PretendBoat, PretendWire, serve
 from grebe.links.nmea.sentences import (
     KNOT_MPS,
-    Bow,
-    Motion,
+    Heading,
     NoFix,
-    Place,
+    Position,
     Reading,
-    Turn,
+    TurnRate,
     Variation,
+    Velocity,
     read_sentence,
 )
 from grebe.links.nmea.settings import NmeaSettings, settings_of
 from grebe.links.nmea.thrusts import RECEIVER_S, read_thrust_line
 from grebe.links.wires import UdpWire
 from grebe.mission.departure import prepare
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.boats import Harbour, boat_named
@@ -55,8 +55,8 @@ def sentence(body):
     return f"${body}*{total:02X}".encode()
 
 
-def pretend(voice=PLAIN, start=(0.0,) * 6, **settings):
-    boat = PretendBoat(Plant(BOAT, start), FRAME, UniformSonde(), voice)
+def pretend(output=PLAIN, start=(0.0,) * 6, **settings):
+    boat = PretendBoat(Plant(BOAT, start), FRAME, UniformSonde(), output)
     wire = PretendWire(boat)
     link = NmeaLink(wire, wire, FRAME, BOAT, NmeaSettings(source="serial:pretend", **settings))
     link.find()
@@ -68,7 +68,7 @@ def test_printed_sentences_are_read():
     place, motion, variation = read_sentence(
         b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A"
     )
-    assert place == Place(
+    assert place == Position(
         second_of_day=45_319.0, lonlat=pytest.approx((11 + 31 / 60, 48 + 7.038 / 60))
     )
     course = math.radians(84.4)
@@ -78,24 +78,24 @@ def test_printed_sentences_are_read():
     (place,) = read_sentence(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47")
     assert (place.fix, place.error_m) == ("GPS", 1.0)
     assert read_sentence(b"$GPHDT,274.07,T*03") == (
-        Bow(heading_rad=math.radians(274.07), true=True),
+        Heading(heading_rad=math.radians(274.07), true=True),
     )
 
 
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        ("HETHS,90.0,A", (Bow(heading_rad=math.pi / 2, true=True),)),
+        ("HETHS,90.0,A", (Heading(heading_rad=math.pi / 2, true=True),)),
         ("HETHS,90.0,V", ()),
-        ("HCHDM,180.0,M", (Bow(heading_rad=math.pi, true=False),)),
+        ("HCHDM,180.0,M", (Heading(heading_rad=math.pi, true=False),)),
         (
             "HCHDG,90.0,0.0,E,180.0,W",
-            (Variation(east_rad=-math.pi), Bow(heading_rad=math.pi / 2, true=False)),
+            (Variation(east_rad=-math.pi), Heading(heading_rad=math.pi / 2, true=False)),
         ),
-        ("HEROT,-60.0,A", (Turn(rate_radps=pytest.approx(math.radians(-1.0))),)),
+        ("HEROT,-60.0,A", (TurnRate(rate_radps=pytest.approx(math.radians(-1.0))),)),
         ("HEROT,-60.0,V", ()),
-        ("GNVTG,90.0,T,,M,1.0,N,1.852,K", (Motion(velocity=pytest.approx((0.0, KNOT_MPS))),)),
-        ("GNVTG,,T,,M,0.1,N,0.2,K", (Motion(velocity=(0.0, 0.0)),)),
+        ("GNVTG,90.0,T,,M,1.0,N,1.852,K", (Velocity(velocity=pytest.approx((0.0, KNOT_MPS))),)),
+        ("GNVTG,,T,,M,0.1,N,0.2,K", (Velocity(velocity=(0.0, 0.0)),)),
         ("GNVTG,,T,,M,5.0,N,9.3,K", ()),
         ("YXMTW,17.5,C", (Reading(key="temperature_degc", value=17.5),)),
         ("SDDPT,3.2,0.5", (Reading(key="water_depth_m", value=3.7),)),
@@ -106,11 +106,11 @@ def test_printed_sentences_are_read():
         ("GPGSV,1,1,01,01,40,083,46", ()),
     ],
 )
-def test_what_sentences_say(body, said):
+def test_sentences_become_records(body, said):
     assert read_sentence(sentence(body)) == said
 
 
-def test_what_is_damaged_says_nothing():
+def test_damaged_sentences_give_no_records():
     whole = b"$GPHDT,274.07,T*03"
     for place in range(1, len(whole)):
         for bit in range(7):
@@ -179,7 +179,7 @@ def test_what_comes_late_is_that_old():
 
 # State.
 def test_a_track_that_is_measured_exactly_is_followed_and_its_rate_found():
-    track = Track(push=1.0)
+    track = ValueFilter(acceleration=1.0)
     for i in range(200):
         track.measure_value(0.1 * i, 3.0 + 0.7 * 0.1 * i, 0.01)
     assert track.rate == pytest.approx(0.7, abs=1e-6)
@@ -187,7 +187,7 @@ def test_a_track_that_is_measured_exactly_is_followed_and_its_rate_found():
 
 
 def test_a_filtered_track_is_nearer_the_truth_than_its_measurements():
-    random, track, errors = np.random.default_rng(3), Track(push=0.3), []
+    random, track, errors = np.random.default_rng(3), ValueFilter(acceleration=0.3), []
     for i in range(2000):
         truth = math.sin(0.05 * i * 0.1) * 20
         track.measure_value(0.1 * i, truth + random.normal(0, 0.5), 0.5)
@@ -201,22 +201,22 @@ def test_the_state_follows_the_boat():
     for i in range(200):
         seen = link.observe()
         off.append(np.subtract(seen.state, boat.plant.state))
-        push = 0.6 if i % 40 < 20 else 0.3
-        thrusts = (push * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n)
+        acceleration = 0.6 if i % 40 < 20 else 0.3
+        thrusts = (acceleration * BOAT.thrust_max_n, 0.4 * BOAT.thrust_max_n)
         link.command(Order(thrusts=thrusts, surge_mps=0.0, yaw_rate_radps=0.0))
     assert abs(boat.plant.state[2]) > 1
     assert np.abs(off).max(axis=0) == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_magnetic_compass_needs_a_variation_and_gives_way_to_a_true_one():
-    _, link = pretend(Voice(compass="HDM", variation_deg=12.0), (0, 0, 1.0, 0, 0, 0))
+def test_a_magnetic_heading_needs_a_variation_and_yields_to_a_true_one():
+    _, link = pretend(OutputSettings(compass="HDM", variation_deg=12.0), (0, 0, 1.0, 0, 0, 0))
     assert link.observe().state[2] == pytest.approx(1.0, abs=0.01)
-    _, told = pretend(Voice(compass="HDM"), (0, 0, 1.0, 0, 0, 0), variation_deg=10.0)
+    _, told = pretend(OutputSettings(compass="HDM"), (0, 0, 1.0, 0, 0, 0), variation_deg=10.0)
     assert told.observe().state[2] == pytest.approx(1.0 + math.radians(10), abs=0.01)
 
 
 def test_between_rare_positions_headings_make_estimates():
-    boat, link = pretend(Voice(place_every=5))
+    boat, link = pretend(OutputSettings(place_every=5))
     link.command(FULL)
     seen = [link.observe() for _ in range(60)]
     assert np.diff([one.time_s for one in seen]) == pytest.approx(0.1, abs=0.02)
@@ -224,7 +224,7 @@ def test_between_rare_positions_headings_make_estimates():
 
 
 def test_noise_is_smoothed_and_its_size_is_not_hidden():
-    boat, link = pretend(Voice(position_error_m=0.5, place_every=2))
+    boat, link = pretend(OutputSettings(position_error_m=0.5, place_every=2))
     off = [np.subtract(link.observe().state, boat.plant.state)[:2] for _ in range(300)]
     assert 0.02 < np.std(off) < 0.5
 
@@ -236,7 +236,7 @@ def test_probes_on_the_line_are_the_sonde():
 
 # Trouble.
 def test_damaged_sentences_are_counted_and_passed_over():
-    boat, link = pretend(Voice(damaged_share=0.3))
+    boat, link = pretend(OutputSettings(damaged_share=0.3))
     link.command(FULL)
     seen = [link.observe() for _ in range(100)]
     assert link.damaged > 50
@@ -245,7 +245,7 @@ def test_damaged_sentences_are_counted_and_passed_over():
 
 
 def test_without_a_fix_estimates_are_not_numbers_and_the_thrust_goes():
-    boat, link = pretend(Voice(no_fix=(5.0, 20.0)))
+    boat, link = pretend(OutputSettings(no_fix=(5.0, 20.0)))
     seen = []
     while boat.plant.time_s < 25.0:
         link.command(FULL) if boat.plant.time_s < 5.0 else None
@@ -259,23 +259,23 @@ def test_without_a_fix_estimates_are_not_numbers_and_the_thrust_goes():
 
 
 def test_a_line_that_falls_silent_is_lost():
-    _, link = pretend(Voice(silent=(2.0, 1e9)), silence_s=5.0)
+    _, link = pretend(OutputSettings(silent=(2.0, 1e9)), silence_s=5.0)
     with pytest.raises(LinkError, match="no sentence came"):
         deque(iter(link.observe, None), maxlen=0)
 
 
 @pytest.mark.parametrize(
-    ("voice", "why"),
+    ("output", "why"),
     [
-        (Voice(silent=(0.0, 1e9)), "No NMEA sentence"),
-        (Voice(damaged_share=0.999999), "damaged"),
-        (Voice(no_fix=(0.0, 1e9)), "no position"),
-        (Voice(compass="HDM", no_fix=(0.0, 1e9)), "no position"),
+        (OutputSettings(silent=(0.0, 1e9)), "No NMEA sentence"),
+        (OutputSettings(damaged_share=0.999999), "damaged"),
+        (OutputSettings(no_fix=(0.0, 1e9)), "no position"),
+        (OutputSettings(compass="HDM", no_fix=(0.0, 1e9)), "no position"),
     ],
 )
-def test_what_is_missing_at_first_is_said(voice, why):
+def test_what_is_missing_at_first_is_reported(output, why):
     with pytest.raises(LinkError, match=why):
-        pretend(voice, find_s=5.0)
+        pretend(output, find_s=5.0)
 
 
 def test_a_course_is_no_heading():
@@ -369,13 +369,13 @@ def free_port():
 
 
 @contextmanager
-def over_udp(survey, voice):
+def over_udp(survey, output):
     """Yield a boat and its URL. The boat keeps step with its helm: its minutes pass as fast as they
     are computed.
     """
     here, there, done = free_port(), free_port(), threading.Event()
     plant = Plant(survey.vessel, survey.start.at_rest())
-    boat = PretendBoat(plant, survey.frame, UniformSonde(), voice)
+    boat = PretendBoat(plant, survey.frame, UniformSonde(), output)
     says = UdpWire("127.0.0.1", here, speaks_first=True)
     hears = UdpWire("127.0.0.1", there)
     thread = threading.Thread(target=serve, args=(boat, says, hears, done.is_set, None))
@@ -391,7 +391,7 @@ def over_udp(survey, voice):
 
 def test_a_whole_mission_over_udp_through_midnight():
     survey = square_survey()
-    with over_udp(survey, Voice(from_second_of_day=86_397.0)) as (boat, url):
+    with over_udp(survey, OutputSettings(from_second_of_day=86_397.0)) as (boat, url):
         link = open_nmea(settings_of(url), survey.frame, survey.vessel)
         recorder = MemoryRecorder()
         report = Mission(survey, Controller(survey.vessel, survey.sets), link, recorder).run()

@@ -98,7 +98,7 @@ def test_a_packet_sent_again_is_answered_again():
         assert firmware.hears() == firmware.hears()
 
 
-def test_a_firmware_that_starts_afresh_finds_the_boat_where_it_began():
+def test_restarted_firmware_finds_the_boat_where_it_began():
     with served() as (server, told):
         first = Firmware(server.address)
         for _ in range(200):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from conftest import simulate, square_survey
+from conftest import run_simulated, square_survey
 
 from grebe.cli.main import grebe
 from grebe.core.errors import GrebeError, LinkError, UsageError
@@ -24,7 +24,7 @@ def recording(seconds, readings=()):
     )
 
 
-def test_it_goes_its_own_way_and_asks_for_the_end_after_its_last_estimate():
+def test_a_replay_ignores_orders_and_asks_for_the_end_after_its_last_estimate():
     link = ReplayLink(recording([0, 0.5, 1]))
     for second in (0.0, 0.5):
         link.command(IDLE)
@@ -95,7 +95,7 @@ def recorded(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "recorded.gpkg"
     write_survey(path, square_survey())
     with SurveyFile.open(path) as file:
-        simulate(file)
+        run_simulated(file)
     return path
 
 

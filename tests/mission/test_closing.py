@@ -17,11 +17,11 @@ from grebe.core.revision import first_revision
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import Observation
-from grebe.mission.replanning import KeptPlan, Replanner
+from grebe.mission.replanning import Replanner, SharedPlan
 from grebe.mission.safety.enclosure import Enclosure
 from grebe.mission.safety.guard import Guard
+from grebe.mission.safety.route_home import RouteHome
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.safety.way_home import WayHome
 from grebe.mission.settings import MissionSettings
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, water_of
@@ -99,7 +99,7 @@ def test_a_boat_in_the_area_that_is_closed_leaves_it_and_stays_out(tmp_path, sur
     assert revisions[-1].reason == "closed"
 
 
-def test_an_area_that_is_in_nobodys_way_changes_no_order(tmp_path, survey):
+def test_an_area_off_every_path_changes_no_order(tmp_path, survey):
     region = Region(name="strait", frame=survey.frame, water=shapely.box(0, 0, 15, 150))
     settings = PlanSettings(cell_m=15.0, speed_min_mps=0.5, speed_max_mps=1.5)
     strait = plan(region, BOAT, settings).survey
@@ -121,7 +121,7 @@ def test_when_nothing_is_left_to_visit_the_boat_comes_home(tmp_path, survey):
     assert np.hypot(*(np.array(closer.places[-1]) - start)) < 10.0
 
 
-def test_an_area_is_closed_without_leave_to_plan_anew_for_other_causes(tmp_path, survey):
+def test_an_area_is_closed_even_without_replanning(tmp_path, survey):
     zone = survey.targets[8].set.polygon
     closer, report, revisions, *_ = sail(tmp_path / "s.gpkg", survey, [zone], 4)
     assert closer.outside(zone)
@@ -141,7 +141,7 @@ def wavy(survey):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_rest_of_a_lake_with_a_round_coast_can_be_planned_anew(wavy, seed):
+def test_the_rest_of_a_lake_with_a_round_coast_can_be_replanned(wavy, seed):
     rng = np.random.default_rng(seed)
     reached = int(rng.integers(3, len(wavy.targets) - 5))
     place = wavy.targets[reached - 1].set.centre
@@ -158,25 +158,25 @@ def test_the_rest_of_a_lake_with_a_round_coast_can_be_planned_anew(wavy, seed):
 def test_a_second_area_is_fenced_off_from_a_boat_that_is_still_in_the_first(survey):
     enclosure = Enclosure()
     enclosure.draw(survey, (30.0, 30.0))
-    assert enclosure.holds((30.0, 30.0))
+    assert enclosure.contains((30.0, 30.0))
     first, second = shapely.box(25, 25, 35, 35), shapely.box(40, 25, 50, 35)
     enclosure.close([first], (30.0, 30.0))
     enclosure.close([second], (30.0, 30.0))
-    assert enclosure.holds((30.0, 30.0))
-    assert not enclosure.fence.holds((45.0, 30.0))
-    assert enclosure.holds((37.0, 30.0))
-    assert not enclosure.fence.holds((30.0, 30.0))
+    assert enclosure.contains((30.0, 30.0))
+    assert not enclosure.fence.contains((45.0, 30.0))
+    assert enclosure.contains((37.0, 30.0))
+    assert not enclosure.fence.contains((30.0, 30.0))
     # A boat that leaves a zone is fenced in on the side on which it left.
     across = Enclosure()
     across.draw(survey, (29.0, 30.0))
-    assert across.holds((29.0, 30.0))
+    assert across.contains((29.0, 30.0))
     across.close([shapely.box(25, -1, 35, 61)], (29.0, 30.0))
-    assert across.holds((40.0, 30.0))
-    assert across.fence.holds((50.0, 30.0))
-    assert not across.fence.holds((10.0, 30.0))
+    assert across.contains((40.0, 30.0))
+    assert across.fence.contains((50.0, 30.0))
+    assert not across.fence.contains((10.0, 30.0))
 
 
-def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(tmp_path, survey):
+def test_a_boat_whose_route_home_a_closed_area_blocks_holds_its_position(tmp_path, survey):
     """It was once led across the area, or left at its edge without thrust."""
     start, place = survey.start, survey.targets[5].set.centre
     away = np.array(place) - (start.north_m, start.east_m)
@@ -187,22 +187,22 @@ def test_where_a_closed_area_lies_across_the_way_home_the_boat_holds_its_place(t
         if axis == 0
         else shapely.box(-1, middle - 2, 61, middle + 2)
     )
-    home = WayHome(replace(survey, no_go=(bar,)), SafetySettings())
+    home = RouteHome(replace(survey, no_go=(bar,)), SafetySettings())
     state = (place[0], place[1], 0.0, 0.0, 0.0, 0.0)
     assert home.cost(Observation(time_s=0.0, state=state), CALM, BOAT) == (np.inf, np.inf)
     assert home.is_closed
-    assert "blocks the route home" in home.no_way
+    assert "blocks the route home" in home.no_route
     assert not home.set_out(Observation(time_s=0.0, state=state), BOAT, lambda _: None)
 
 
-def test_an_area_that_is_closed_while_another_order_is_made_is_heeded_after_it(survey, monkeypatch):
+def test_an_area_closed_during_replanning_is_avoided_afterwards(survey, monkeypatch):
     """The other order once failed, and the area was forgotten."""
     plans = Replanner(
-        survey=survey, plan=KeptPlan(revision=first_revision(survey)), vessel=BOAT,
+        survey=survey, plan=SharedPlan(revision=first_revision(survey)), vessel=BOAT,
         helm_of=lambda _: None, waits=True,
     )  # fmt: skip
     place = survey.targets[3].set.centre
-    monkeypatch.setattr("grebe.mission.replanning.led_on", lambda *_: [].pop())
+    monkeypatch.setattr("grebe.mission.replanning.connected", lambda *_: [].pop())
     plans._ask("resumed", "", 4, place, CALM)
     plans.close([survey.targets[8].set.polygon], 4, place, CALM)
     assert plans.ready(4, place, CALM) is None
@@ -215,37 +215,37 @@ def test_an_area_that_is_closed_while_another_order_is_made_is_heeded_after_it(s
 
 def test_an_order_for_another_weather_that_cannot_be_made_leaves_the_old_one(survey, monkeypatch):
     plans = Replanner(
-        survey=survey, plan=KeptPlan(revision=first_revision(survey)), vessel=BOAT,
+        survey=survey, plan=SharedPlan(revision=first_revision(survey)), vessel=BOAT,
         helm_of=lambda _: None, waits=True,
     )  # fmt: skip
     monkeypatch.setattr("grebe.mission.replanning.replanned", lambda *_, **__: [].pop())
     plans._ask("weather", "", 4, (10.0, 10.0), CALM)
     assert plans.ready(4, (10.0, 10.0), CALM) is None
-    assert "IndexError" in plans.kept
+    assert "IndexError" in plans.why_kept
     assert not plans.is_busy
 
 
-def test_ways_home_around_a_closed_area_are_worked_out_beside_a_real_boat(survey, monkeypatch):
+def test_routes_home_around_a_closed_area_are_computed_in_the_background(survey, monkeypatch):
     """On a large lake that takes seconds, in which the boat must still be steered."""
     measured, go = [], threading.Event()
-    whole = WayHome.measure
+    whole = RouteHome.measure
 
     def slowly(self):
         go.wait(10)
         whole(self)
         measured.append(self)
 
-    monkeypatch.setattr(WayHome, "measure", slowly)
+    monkeypatch.setattr(RouteHome, "measure", slowly)
     told = lambda *_, **__: None  # noqa: E731
     guard = Guard(survey, BOAT, SafetySettings(), told, NOW, waits=False)
     observation = Observation(time_s=0.0, state=(30.0, 30.0, 0.0, 0.0, 0.0, 0.0))
-    guard.look(observation, CALM, (0.0, 0.0), 0)
+    guard.assess(observation, CALM, (0.0, 0.0), 0)
     before, zone = guard._home, shapely.box(40, 40, 50, 50)
     guard.close([zone], observation)
     assert guard._home is before
-    assert not guard._enclosure.fence.holds((45.0, 45.0))
+    assert not guard._enclosure.fence.contains((45.0, 45.0))
     go.set()
     while not measured:
         time.sleep(0.01)
-    guard.look(replace(observation, time_s=0.1), CALM, (0.0, 0.0), 0)
+    guard.assess(replace(observation, time_s=0.1), CALM, (0.0, 0.0), 0)
     assert guard._home is measured[0]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 
 from grebe.control.controller import Controller
 from grebe.core.errors import StoppedError, UsageError
@@ -26,13 +26,13 @@ from grebe.core.events import (
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import MemoryRecorder, SurveyRecorder
+from grebe.mission.events.statistics import ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import MemoryRecorder, SurveyRecorder
-from grebe.mission.telling.statistics import ProgressMeter
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 
@@ -78,7 +78,7 @@ def test_every_target_is_reached_once_in_its_order(heard):
     assert [event.count for event in recorder.of(Reached)] == list(range(1, 10))
 
 
-def test_each_control_step_tells_the_horizon_that_it_planned(heard):
+def test_each_control_step_publishes_its_horizon(heard):
     recorder, report = heard
     predictions = recorder.of(Prediction)
     steps = [step for step in recorder.of(Step) if step.solve_ms is not None]
@@ -89,7 +89,7 @@ def test_each_control_step_tells_the_horizon_that_it_planned(heard):
         assert tuple(ahead.thrusts[0]) == pytest.approx(step.thrusts)
 
 
-def test_the_report_counts_what_was_said(heard):
+def test_the_report_counts_the_events(heard):
     recorder, report = heard
     taken = recorder.of(SampleTaken)
     assert report.samples == len(taken)
@@ -113,7 +113,7 @@ def test_readings_in_sets_alone_are_a_part_of_those_in_the_window():
     for sampling in (InWindow(), InSets()):
         helm = Controller(SURVEY.vessel, apart)
         world = Conditions(sampling=sampling)
-        trial = fly(SURVEY.vessel, apart, helm, (-5.0, 2.0, 0, 0, 0, 0), world)
+        trial = simulate(SURVEY.vessel, apart, helm, (-5.0, 2.0, 0, 0, 0, 0), world)
         kept[sampling] = [one.sample.target_seq for one in trial.recorder.of(SampleTaken)]
     assert None not in kept[InSets()]
     assert None in kept[InWindow()]
@@ -143,7 +143,7 @@ def test_the_operator_s_stop_is_an_event_with_a_reason_in_the_file_too(tmp_path)
             "stopped_by_operator",
             "the operator wants her boat back",
         )
-        assert simulate(file, resume=True).complete
+        assert run_simulated(file, resume=True).complete
 
 
 class TakenOver(SimulatedLink):
@@ -165,7 +165,7 @@ def test_a_boat_can_ask_for_the_end():
     assert (report.ended, report.message) == (EndReason.STOPPED, "the pilot took over")
 
 
-def test_a_signal_is_told_to_the_recorder_before_it_is_passed_on():
+def test_a_signal_is_recorded_before_it_is_passed_on():
     recorder = MemoryRecorder()
 
     def signal(event):
@@ -184,7 +184,7 @@ def test_a_signal_is_told_to_the_recorder_before_it_is_passed_on():
     assert not link.status().armed
 
 
-def test_a_mission_that_is_out_of_time_says_so():
+def test_a_mission_that_runs_out_of_time_is_reported_so():
     report = mission(MemoryRecorder(), settings=MissionSettings(limit_s=5.0)).run()
     assert report.ended is EndReason.OUT_OF_TIME
     assert not report.complete
@@ -242,7 +242,7 @@ class Waiting:
 
 def test_any_helm_steers_through_the_same_loop():
     helm = Waiting()
-    trial = fly(SURVEY.vessel, SURVEY.sets, helm, (0, 0, 0, 0, 0, 0), Conditions(limit_s=20.0))
+    trial = simulate(SURVEY.vessel, SURVEY.sets, helm, (0, 0, 0, 0, 0, 0), Conditions(limit_s=20.0))
     assert trial.report.ended is EndReason.OUT_OF_TIME
     assert helm.asked[0] is None
     assert helm.asked[1:] == pytest.approx([0.5] * (len(helm.asked) - 1))
@@ -260,7 +260,7 @@ def test_a_progress_counts_what_a_new_order_adds():
     assert (told[-1].reached, told[-1].targets) == (1, 7)
 
 
-def test_a_listener_that_fails_is_told_no_more_and_that_is_kept():
+def test_a_failing_listener_is_dropped_and_that_is_recorded():
     kept = []
 
     class Keeper:
@@ -270,10 +270,10 @@ def test_a_listener_that_fails_is_told_no_more_and_that_is_kept():
     def fails(event):
         raise ValueError("no screen")
 
-    ears = Broadcast(Keeper(), [fails])
+    broadcast = Broadcast(Keeper(), [fails])
     for _ in range(3):
-        ears.hold(Started(time=NOON, elapsed_s=0.0, targets=1, reached=0))
-        ears.release()
+        broadcast.hold(Started(time=NOON, elapsed_s=0.0, targets=1, reached=0))
+        broadcast.release()
     dropped = [one for one in kept if getattr(one, "code", "") == "listener_dropped"]
     assert len(dropped) == 1
     assert "no screen" in dropped[0].message

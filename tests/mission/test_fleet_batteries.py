@@ -14,16 +14,16 @@ from grebe.core.events import EndReason, Reached
 from grebe.core.plan_settings import FleetSettings, PlanSettings, SortieSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
+from grebe.mission.consumption import AT_HARBOUR_M
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import AT_HARBOUR_M
 from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
 from grebe.simulation.faults import NO_FAULTS, Faults
-from grebe.workflow.berths import lying
 from grebe.workflow.files import write_survey
 from grebe.workflow.fleets import FleetRun
+from grebe.workflow.moorings import moored_places
 from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -206,5 +206,5 @@ def test_who_lies_near_a_harbour_without_having_come_home_keeps_others_away(in_r
         place = ends[1].state[:2]
         starts = [(one.start.north_m, one.start.east_m) for one in file.revision.sorties]
         assert min(math.dist(place, one) for one in starts) < AT_HARBOUR_M
-        assert lying(file, sailing=(1,)) == {}
-        assert lying(file, sailing=(1,), adrift=(2,)) == {2: pytest.approx(place)}
+        assert moored_places(file, sailing=(1,)) == {}
+        assert moored_places(file, sailing=(1,), adrift=(2,)) == {2: pytest.approx(place)}

@@ -72,7 +72,7 @@ def explored(path, minutes=4.0, faults=None):
     return report, least[0]
 
 
-def new_ways(path):
+def new_paths(path):
     """Each revision's boat, with the new part of its order as a line through the cells' centres."""
     with SurveyFile.open(path) as file:
         revisions = file.revisions()
@@ -103,7 +103,7 @@ def test_both_go_on_in_rounds_that_keep_to_different_water_and_it_is_the_same_tw
         assert reasons == ["planned", *["adaptive"] * (len(reasons) - 1)]
     for one, other in zip(*tracks, strict=True):
         assert np.array_equal(one, other)
-    rounds = new_ways(path)
+    rounds = new_paths(path)
     assert sorted({boat for boat, _ in rounds}) == [1, 2]
     assert len(rounds) >= 4
     # Each boat plans next to what the other has just announced, not across it.

@@ -16,7 +16,7 @@ from grebe.core.plan_settings import FleetSettings, PlanSettings
 from grebe.core.revision import revised
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.mission.replanning import KeptPlan
+from grebe.mission.replanning import SharedPlan
 from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.workflow.closures import Closures
@@ -57,7 +57,7 @@ def sailed(path, zone_file=None, world=None, **options):
 
 
 @pytest.mark.slow
-def test_each_boat_plans_its_own_part_anew_and_leaves_the_others_alone(tmp_path, monkeypatch):
+def test_each_boat_replans_its_own_part_only(tmp_path, monkeypatch):
     monkeypatch.setattr("grebe.mission.replanning.FOR_S", 15.0)
     tracks = []
     for name in ("a", "b"):
@@ -98,10 +98,10 @@ def test_an_area_is_closed_to_all_boats(tmp_path):
         assert not shapely.contains_xy(zone, one.states[:, :2]).any()
 
 
-def test_of_two_revisions_of_one_plan_the_second_is_made_anew(tmp_path):
+def test_of_two_revisions_of_one_plan_the_second_is_computed_again(tmp_path):
     with SurveyFile.open(fleet_file(tmp_path / "f.gpkg")) as file:
         kept = []
-        plan = KeptPlan(revision=file.revision, keep=kept.append)
+        plan = SharedPlan(revision=file.revision, keep=kept.append)
         old = file.revision
         made = [
             revised(

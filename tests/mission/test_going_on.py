@@ -51,14 +51,14 @@ def test_it_ends_once_the_map_is_as_sure_as_was_asked(coarse_survey):
         (("--adaptive", "gold", "--more-minutes", 5), "no such quantity"),
     ],
 )
-def test_what_does_not_go_together_is_said_before_anything_moves(coarse_survey, words, said):
+def test_conflicting_options_are_reported_before_anything_moves(coarse_survey, words, said):
     done = run(coarse_survey, *words)
     assert said in str(done.exception) + done.output
     with SurveyFile.open(coarse_survey) as file:
         assert file.track_ends() is None
 
 
-def test_a_preview_says_how_to_go_on_as_it_was_typed(coarse_survey):
+def test_a_preview_shows_the_next_command_with_its_options(coarse_survey):
     words = [
         "--preview",
         "--adaptive",

@@ -1,7 +1,7 @@
 """A mission that has nothing left to do reports that."""
 
 from grebe.core.vessel import PRESETS
-from grebe.mission.telling.statistics import Statistics
+from grebe.mission.events.statistics import Statistics
 
 
 def test_a_mission_whose_targets_were_reached_before_says_so():

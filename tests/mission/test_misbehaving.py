@@ -21,11 +21,11 @@ from grebe.core.vessel import PRESETS, Vessel
 from grebe.links.base import NOT_A_STATE, BoatStatus, Observation, Order
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.boat_clock import MOST_ALIKE, NEVER_SEEN_S, BoatClock
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.helm import possible_thrusts
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import MemoryRecorder
-from grebe.mission.trial import Conditions, bare_survey, fly, meander
+from grebe.mission.trial import Conditions, bare_survey, meander, simulate
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 
@@ -77,7 +77,7 @@ def test_a_clock_that_runs_back_ends_the_mission() -> None:
     assert (end.reason, "went back" in end.message) == (EndReason.LINK_LOST, True)
 
 
-def test_who_asks_for_the_end_is_heard_before_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_to_stop_comes_before_a_clock_error(monkeypatch: pytest.MonkeyPatch) -> None:
     link = Odd(lambda k, seen: replace(seen, time_s=seen.time_s - 5.0 * (k > 40)))
     usual = link.status
 
@@ -100,7 +100,7 @@ def test_a_few_estimates_of_one_time_are_a_hiccup() -> None:
     assert sailed(Odd(hiccups)).reason is EndReason.COMPLETE
 
 
-def test_a_boat_that_never_says_where_it_is_is_given_up() -> None:
+def test_a_boat_without_any_position_is_given_up() -> None:
     end = sailed(Odd(lambda _, seen: replace(seen, state=NOT_A_STATE)))
     assert end.reason is EndReason.BLIND
     assert f"within {NEVER_SEEN_S:g} s" in end.message
@@ -109,7 +109,7 @@ def test_a_boat_that_never_says_where_it_is_is_given_up() -> None:
 def test_the_minute_begins_with_the_first_estimate() -> None:
     clock = BoatClock()
     for k in range(10):
-        clock.see(Observation(time_s=75.0 + k, state=NOT_A_STATE), seen_before=False)
+        clock.update(Observation(time_s=75.0 + k, state=NOT_A_STATE), had_estimate=False)
 
 
 @pytest.mark.parametrize("what", ["status", "measure", "command", "close"])
@@ -124,7 +124,7 @@ def test_whatever_fails_below_a_link_is_the_link_s(
     assert end.reason is (EndReason.COMPLETE if what == "close" else EndReason.LINK_LOST)
 
 
-def test_a_link_that_fails_below_says_so() -> None:
+def test_an_os_error_of_a_link_is_a_link_error() -> None:
     def fails(count: int, seen: Observation) -> Observation:
         if count > 20:
             raise OSError("the cable is unplugged")
@@ -191,8 +191,8 @@ def test_a_boat_that_decays_within_the_simulator_s_step_is_followed() -> None:
 
 def test_nothing_to_sail_and_no_place_to_start_from_are_refused() -> None:
     with pytest.raises(UsageError, match="no target set"):
-        fly(BOAT, [], Controller(BOAT, SETS), START)
+        simulate(BOAT, [], Controller(BOAT, SETS), START)
     with pytest.raises(UsageError, match="six finite numbers"):
-        fly(BOAT, SETS, Controller(BOAT, SETS), (math.nan,) * 6)
+        simulate(BOAT, SETS, Controller(BOAT, SETS), (math.nan,) * 6)
     with pytest.raises(UsageError, match="two thrusters"):
         Conditions(effectiveness=(math.nan, 1.0))

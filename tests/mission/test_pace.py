@@ -12,24 +12,24 @@ from grebe.mission.pace import LEAST_S, Pace
 HOME = ((8.0, 47.0),)
 
 
-def late(bounds, used_wh, monkeypatch, *, slower=1.5, half_s=600.0):
+def delay(bounds, used_wh, monkeypatch, *, slower=1.5, half_s=600.0):
     """How late a sortie of two equal halves is after the first, sailed `slower` than predicted."""
     monkeypatch.setattr(pace, "remaining_s", lambda *_: half_s)
     part = SimpleNamespace(settings=None, targets=[1, 2])
     watch = Pace(vessel=PRESETS["blueboat"], bounds=bounds)
-    assert watch.late(0.0, 0, (0.0, 0.0), part, 0.0) is None
-    return watch.late(slower * half_s, 1, (50.0, 0.0), part, used_wh)
+    assert watch.delay(0.0, 0, (0.0, 0.0), part, 0.0) is None
+    return watch.delay(slower * half_s, 1, (50.0, 0.0), part, used_wh)
 
 
 def test_a_boat_that_is_slow_to_save_its_battery_puts_nothing_off(monkeypatch):
     """It takes half as long again as predicted, at a third of the power."""
     bounds = SortieSettings(battery_wh=100.0, reserve=0.2, harbours=HOME)
-    assert late(bounds, 20.0, monkeypatch) is None
+    assert delay(bounds, 20.0, monkeypatch) is None
 
 
 def test_a_battery_that_does_not_last_at_the_power_drawn_is_late(monkeypatch):
     bounds = SortieSettings(battery_wh=100.0, reserve=0.2, harbours=HOME)
-    told = late(bounds, 50.0, monkeypatch)
+    told = delay(bounds, 50.0, monkeypatch)
     assert told.pace == pytest.approx(1.5)
     # Without the reserve 30 Wh are left, at 50 Wh in 900 s.
     assert told.left_s == pytest.approx(540.0)
@@ -37,10 +37,10 @@ def test_a_battery_that_does_not_last_at_the_power_drawn_is_late(monkeypatch):
 
 def test_minutes_are_minutes_whatever_the_battery_has(monkeypatch):
     bounds = SortieSettings(minutes=25.0, reserve=0.2, harbours=HOME)
-    told = late(bounds, 1.0, monkeypatch)
+    told = delay(bounds, 1.0, monkeypatch)
     assert told.left_s == pytest.approx(0.8 * 1500 - 900)
 
 
-def test_what_was_flown_for_a_moment_says_nothing(monkeypatch):
+def test_a_short_time_gives_no_pace(monkeypatch):
     bounds = SortieSettings(minutes=1.0, reserve=0.2, harbours=HOME)
-    assert late(bounds, 1.0, monkeypatch, slower=1.0, half_s=0.9 * LEAST_S) is None
+    assert delay(bounds, 1.0, monkeypatch, slower=1.0, half_s=0.9 * LEAST_S) is None

@@ -15,7 +15,7 @@ from grebe.core.revision import Sortie, first_revision
 from grebe.core.sets import TargetSet
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
-from grebe.mission.replanning import KeptPlan, Replanner
+from grebe.mission.replanning import Replanner, SharedPlan
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.sorties import plan_sorties
@@ -52,7 +52,7 @@ def with_an_impossible_window(survey, place):
 
 @pytest.mark.slow
 def test_a_target_out_of_reach_is_left_out_and_the_rest_is_visited(tmp_path, survey, monkeypatch):
-    monkeypatch.setattr("grebe.mission.loop.patience_s", lambda *_: 20.0)
+    monkeypatch.setattr("grebe.mission.loop.target_time_limit_s", lambda *_: 20.0)
     small = replace(survey, targets=survey.targets[:9], corridors=survey.corridors[:9])
     hard = with_an_impossible_window(small, 3)
     report, revisions, progress, events = run(
@@ -81,7 +81,7 @@ def test_another_current_than_planned_gives_another_order_once(tmp_path, survey,
     assert all(progress.reached_at)
 
 
-def test_nothing_is_planned_anew_where_nothing_is_otherwise(tmp_path, survey):
+def test_nothing_is_replanned_when_nothing_has_changed(tmp_path, survey):
     small = replace(survey, targets=survey.targets[:3], corridors=survey.corridors[:3])
     plain, *_ = run(tmp_path / "a.gpkg", small, SimulatedWorld())
     watched, revisions, *_ = run(tmp_path / "b.gpkg", small, SimulatedWorld(), replans=True)
@@ -98,7 +98,7 @@ def test_an_order_that_cannot_be_made_ends_the_wait_for_it(survey, monkeypatch):
     )
     plans = Replanner(
         survey=survey,
-        plan=KeptPlan(revision=first_revision(survey)),
+        plan=SharedPlan(revision=first_revision(survey)),
         vessel=BOAT,
         helm_of=lambda _: None,
         waits=True,
@@ -117,7 +117,7 @@ def test_a_sortie_is_judged_by_the_battery_of_its_own_boat(survey, boat, battery
         def __init__(self, *, bounds, **_):
             judged.append((bounds.battery_wh, bounds.minutes))
 
-        def late(self, *_):
+        def delay(self, *_):
             return None
 
     monkeypatch.setattr("grebe.mission.replanning.Pace", Watch)
@@ -136,7 +136,7 @@ def test_a_sortie_is_judged_by_the_battery_of_its_own_boat(survey, boat, battery
     ]  # fmt: skip
     whole = replace(survey, settings=settings)
     plans = Replanner(
-        survey=whole, plan=KeptPlan(revision=first_revision(whole, sorties)), vessel=BOAT,
+        survey=whole, plan=SharedPlan(revision=first_revision(whole, sorties)), vessel=BOAT,
         helm_of=lambda _: None, sortie=boat,
     )  # fmt: skip
     plans.watch(10.0, 1, (0.0, 0.0), CALM, 1.0)

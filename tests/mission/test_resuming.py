@@ -20,7 +20,7 @@ from grebe.mission.settings import MissionSettings
 from grebe.planning.check import check_plan
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, water_of
-from grebe.planning.revisions.lead_on import is_led, led_on
+from grebe.planning.revisions.connect import connected, is_connected
 from grebe.planning.revisions.revise import Halfway, open_water
 from grebe.planning.sorties import plan_sorties
 from grebe.workflow.files import write_survey
@@ -59,12 +59,12 @@ def across(survey):
     )
 
 
-def test_the_way_to_the_next_target_leads_around_land(survey):
+def test_the_path_to_the_next_target_leads_around_land(survey):
     old, reached = first_revision(survey), across(survey)
     water = water_of(survey)
-    assert not is_led(survey, lambda: ARMS, reached, HARBOUR)
-    assert is_led(survey, lambda: ARMS, 0, HARBOUR)
-    new = led_on(old, survey, open_water(survey, water), Halfway(reached=reached, place=HARBOUR))
+    assert not is_connected(survey, lambda: ARMS, reached, HARBOUR)
+    assert is_connected(survey, lambda: ARMS, 0, HARBOUR)
+    new = connected(old, survey, open_water(survey, water), Halfway(reached=reached, place=HARBOUR))
     assert new.targets[:reached] == old.targets[:reached]
     cells = [[t.seq for t in one.targets if t.kind == "cell"] for one in (old, new)]
     assert cells[0] == cells[1]
@@ -167,7 +167,7 @@ def test_what_the_battery_has_given_since_the_harbour_counts_after_a_break(tmp_p
         assert np.hypot(*(np.array(home.state[:2]) - survey_start(file, 2))) < 15.0
 
 
-def test_where_nothing_stands_in_the_way_a_resumed_order_is_as_it_was(tmp_path, survey):
+def test_a_resumed_order_with_a_clear_path_is_unchanged(tmp_path, survey):
     with SurveyFile.create(tmp_path / "s.gpkg", survey, meta={}, force=False) as file:
         cut_off(file, 3, sortie=None, now=NOW)
         run_survey(

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,9 +16,9 @@ from grebe.core.vessel import PRESETS, vessel_named
 from grebe.io.store import SurveyFile
 from grebe.links.base import Observation
 from grebe.links.simulated import EstimateErrors, SimulatedLink
+from grebe.mission.estimates import BLIND_S
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.sight import BLIND_S
-from grebe.mission.telling.recorders import SurveyRecorder
 from grebe.simulation.plant import UNCERTAIN, Plant, mismatched
 from grebe.simulation.sonde import Sonde
 from grebe.simulation.water import free_water
@@ -87,7 +87,7 @@ def test_a_mission_completes_with_another_hull_noise_and_lost_estimates(tmp_path
     )
     survey = square_survey(side_m=30.0)
     with SurveyFile.create(tmp_path / "r.gpkg", survey, meta={}, force=True) as file:
-        assert simulate(file, Lookahead(), world).complete
+        assert run_simulated(file, Lookahead(), world).complete
 
 
 class Blinking(SimulatedLink):
@@ -110,7 +110,7 @@ class Blinking(SimulatedLink):
         super().command(order)
 
 
-def test_a_blind_boat_stops_and_goes_on_when_it_sees_again(tmp_path):
+def test_a_blind_boat_stops_and_resumes_with_the_next_estimate(tmp_path):
     survey = square_survey(side_m=30.0)
     sonde = Sonde(free_water(survey.water.bounds, 1), 1)
     link = Blinking(Plant(survey.vessel, survey.start.at_rest()), sonde)

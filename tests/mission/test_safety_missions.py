@@ -9,7 +9,7 @@ from datetime import timedelta
 import numpy as np
 import pytest
 import shapely
-from conftest import NOON, region_of, simulate
+from conftest import NOON, region_of, run_simulated
 
 from grebe.control.controller import Command, Controller, StepStatus
 from grebe.core.dynamics import Weather
@@ -19,11 +19,11 @@ from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import IDLE, Reading
 from grebe.links.simulated import EstimateErrors, SimulatedLink
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
 from grebe.mission.safety.settings import CAREFUL, NO_FENCE, SafetySettings
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import MemoryRecorder
-from grebe.mission.trial import Conditions, fly, meander
+from grebe.mission.trial import Conditions, meander, simulate
 from grebe.planning.planner import plan_survey
 from grebe.simulation.faults import NO_FAULTS, Faults, FaultyPlant
 from grebe.simulation.plant import Plant
@@ -215,7 +215,7 @@ def test_no_thruster_is_called_dead_for_a_current_that_is_not_known_yet(seed):
         wind_force_east_n=10.0 * np.sin(wind_from),
     )
     noisy = EstimateErrors(velocity_mps=0.02)
-    flight = fly(
+    flight = simulate(
         boat,
         cells := meander(rows=4),
         Controller(boat, cells),
@@ -360,10 +360,10 @@ def test_a_stop_takes_the_thrust_away_before_it_returns_and_for_good(where):
 
 def test_every_change_is_in_the_survey_file_and_a_boat_is_brought_home_afterwards(tmp_path):
     with SurveyFile.create(tmp_path / "s.gpkg", SURVEY, meta={}, force=True) as file:
-        cut = simulate(file, settings=MissionSettings(limit_s=25.0))
+        cut = run_simulated(file, settings=MissionSettings(limit_s=25.0))
         assert cut.ended is EndReason.OUT_OF_TIME
         home = MissionSettings(safety=SafetySettings(comes_home="asked"))
-        report = simulate(file, settings=home, resume=True)
+        report = run_simulated(file, settings=home, resume=True)
         assert report.ended is EndReason.CAME_HOME
         assert report.reached == file.progress().reached
         codes = [event.code for event in file.events()]

@@ -16,9 +16,9 @@ from grebe.core.survey import Pose, Survey, Target
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus, Observation
+from grebe.mission.events.recorders import SurveyRecorder
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import SurveyRecorder
 
 FAR = rectangle((1e5, 1e5 + 10), (0, 10), (1.0, 2.0))
 SURVEY = Survey(

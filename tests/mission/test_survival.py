@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 from killing import Victim, cut_power, faults, faults_at_the_end, kill
 
 from grebe.cli.main import grebe
@@ -27,12 +27,12 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import BoatStatus
 from grebe.links.simulated import SimulatedLink
 from grebe.mission.departure import prepare
+from grebe.mission.events import writer
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import SurveyRecorder
+from grebe.mission.events.statistics import Alarm
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling import writer
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import SurveyRecorder
-from grebe.mission.telling.statistics import Alarm
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.files import write_survey
@@ -108,8 +108,8 @@ def test_what_happens_at_one_estimate_is_written_whole_or_not_at_all(tmp_path):
         assert file.track().states[:, 0].tolist() == [0.0, 2.0]
 
 
-def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(writer, "PATIENCE_S", 60.0)
+def test_the_command_is_sent_before_anything_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "TIMEOUT_S", 60.0)
     happened = []
 
     def boat_at(departure):
@@ -122,7 +122,7 @@ def test_the_boat_is_told_before_anything_is_written(tmp_path, monkeypatch):
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
         append = file.append_track
         file.append_track = lambda point, boat: happened.append("write") or append(point, boat)
-        simulate(file, world=boat_at)
+        run_simulated(file, world=boat_at)
     text = " ".join(happened)
     assert "in out write in" in text
     assert "in write" not in text
@@ -175,33 +175,33 @@ class Stuck:
         return ()
 
 
-def test_a_disk_that_hangs_is_not_waited_for_and_nothing_is_said_before_it_is_kept():
+def test_a_hanging_disk_delays_no_command_and_events_are_published_only_once_stored():
     recorder, heard = Stuck(), []
-    ears = Broadcast(recorder, [heard.append])
+    broadcast = Broadcast(recorder, [heard.append])
     for i in range(5):
-        ears.hold(step(i))
-        ears.release()
+        broadcast.hold(step(i))
+        broadcast.release()
     assert heard == recorder.batches == []
     recorder.let.set()
-    ears.hold(step(5))
-    ears.close()
+    broadcast.hold(step(5))
+    broadcast.close()
     assert heard == [event for batch in recorder.batches for event in batch]
     assert [event.elapsed_s for event in heard] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
-def test_a_disk_that_fails_ends_a_mission_and_what_it_did_not_keep_is_not_said():
+def test_a_failing_disk_ends_the_mission_and_unstored_events_are_not_published():
     recorder, heard = Stuck(), []
-    ears = Broadcast(recorder, [heard.append])
+    broadcast = Broadcast(recorder, [heard.append])
     recorder.let.set()
-    ears.hold(step(0))
-    ears.close()
+    broadcast.hold(step(0))
+    broadcast.close()
     recorder.failure = SurveyFileError("full")
-    ears.hold(step(1))
+    broadcast.hold(step(1))
     with pytest.raises(SurveyFileError, match="full"):
-        ears.close()
+        broadcast.close()
     recorder.failure = None
-    ears.hold(step(2))
-    ears.close()
+    broadcast.hold(step(2))
+    broadcast.close()
     assert [event.elapsed_s for event in heard] == [0.0, 2.0]
 
 
@@ -224,7 +224,7 @@ THEFTS = {
 
 
 @pytest.mark.parametrize("theft", THEFTS)
-def test_a_file_that_is_taken_away_is_rescued_whole_and_said(tmp_path, theft):
+def test_a_removed_file_is_rescued_and_that_is_reported(tmp_path, theft):
     path = tmp_path / "s.gpkg"
     with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
         file.begin_session(NOON)
@@ -260,7 +260,7 @@ def test_a_mission_whose_file_is_deleted_goes_on_to_its_end(tmp_path):
         return path.exists() and link._plant.time_s > 5.0
 
     with SurveyFile.create(path, square_survey(), meta={}, force=True) as file:
-        report = simulate(file, world=boat_at)
+        report = run_simulated(file, world=boat_at)
         assert report.complete
         assert file.path != path
         assert len(file.samples()) == report.samples
@@ -283,7 +283,7 @@ def test_a_clock_that_jumps_during_a_mission_does_not_disturb_its_times(tmp_path
     jumps = random.Random(2)
     monkeypatch.setattr(time, "time", lambda: jumps.uniform(0, 4e9))
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        report = simulate(file)
+        report = run_simulated(file)
         times = file.track().times
         assert times[0] == NOON
         assert all(before < after for before, after in pairwise(times))
@@ -300,7 +300,7 @@ CLOCKS = {
 
 
 @pytest.mark.parametrize("clock", CLOCKS)
-def test_times_never_run_back_and_a_wrong_clock_is_said(tmp_path, clock):
+def test_times_never_run_back_and_a_wrong_clock_is_reported(tmp_path, clock):
     after, says = CLOCKS[clock]
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
         for i in range(3):
@@ -313,7 +313,7 @@ def test_times_never_run_back_and_a_wrong_clock_is_said(tmp_path, clock):
 
 def test_a_mission_resumed_in_1970_goes_on_in_its_own_time_and_logs_why(tmp_path):
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        simulate(file, settings=limited(10.0))
+        run_simulated(file, settings=limited(10.0))
         then = NOON.replace(year=1970)
         report = run_survey(file, SimulatedWorld(), steered_by(), then, resume=True)
         assert report.complete
@@ -338,7 +338,7 @@ def test_a_mission_goes_on_after_the_last_sample_though_the_track_ends_before(tm
         assert departure.started == late.time + timedelta(seconds=0.1)
 
 
-def test_a_clock_before_the_plan_was_made_is_said(tmp_path):
+def test_a_clock_before_the_plan_was_made_is_reported(tmp_path):
     meta = {"created": "2026-05-01T12:00:00.000Z"}
     with SurveyFile.create(tmp_path / "s.gpkg", square_survey(), meta=meta, force=True) as file:
         assert prepare(file, NOON).doubts == ()
@@ -392,7 +392,7 @@ def test_a_preview_says_what_resuming_then_does_and_changes_nothing(tmp_path):
     with SurveyFile.create(path, square_survey(side_m=30.0), meta={}, force=True) as file:
         whole = preview_of(prepare(file, NOON))
         assert (whole.reached, whole.next_target, whole.forgets) == (0, 1, False)
-        report = simulate(file, settings=limited(15.0))
+        report = run_simulated(file, settings=limited(15.0))
     before = path.read_bytes()
     with SurveyFile.open(path) as file:
         preview = preview_of(prepare(file, NOON, resume=True))
@@ -405,7 +405,7 @@ def test_a_preview_says_what_resuming_then_does_and_changes_nothing(tmp_path):
         target = file.survey.targets[preview.next_target - 1].set
         away = target.footprint_distance(*departure.state[:2])
         assert preview.distance_m == pytest.approx(away, abs=0.05)
-        rest = simulate(file, resume=True)
+        rest = run_simulated(file, resume=True)
         assert rest.complete
         assert preview.remaining_s == pytest.approx(rest.duration_s, rel=0.5)
         done = preview_of(prepare(file, NOON, resume=True))
@@ -450,7 +450,7 @@ Boat.emergency = EmergencyStop(action={halt!r} + ":halt", settings={{"log": {log
 
 
 @pytest.mark.slow
-def test_a_boat_whose_grebe_is_killed_is_stopped_and_the_next_run_tells(tmp_path, planned):
+def test_a_boat_whose_mission_is_killed_is_stopped_and_the_next_run_reports_it(tmp_path, planned):
     victim, log, halt = Victim.of(tmp_path, planned), tmp_path / "log", tmp_path / "halt.py"
     halt.write_text(HALT)
     guard = GUARDED.format(halt=str(halt), log=str(log))

@@ -13,7 +13,7 @@ from conftest import FRAME, NOON
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.control.apart import Announced
+from grebe.control.separation import AnnouncedPath
 from grebe.core.dynamics import Weather
 from grebe.core.errors import LinkError, UsageError
 from grebe.core.events import EndReason, SafetyChanged
@@ -24,7 +24,7 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import Reading
 from grebe.links.simulated import EstimateErrors
 from grebe.mission.departure import prepare
-from grebe.mission.rota import Rota
+from grebe.mission.round_robin import RoundRobin
 from grebe.mission.safety.lookout import STUCK_S, Lookout
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.waiting import Waiting
@@ -44,9 +44,9 @@ ways = st.lists(st.tuples(st.floats(0, 60), st.floats(0, 60)), min_size=1, max_s
 def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
     traffic = Traffic(apart_m=8.0)
     held = {}
-    for boat, way in claims:
-        if traffic.claim(boat, way):
-            held[boat] = shapely.LineString(way) if len(way) > 1 else shapely.Point(way[0])
+    for boat, path in claims:
+        if traffic.claim(boat, path):
+            held[boat] = shapely.LineString(path) if len(path) > 1 else shapely.Point(path[0])
         for a, one in held.items():
             for b, other in held.items():
                 # Paths are rounded by centimetres, for which the distance has enough room.
@@ -54,19 +54,19 @@ def test_whatever_is_claimed_no_two_claims_come_nearer_than_stated(claims):
 
 
 def test_of_boats_that_wait_the_first_has_the_right_of_way():
-    traffic, way = Traffic(apart_m=5.0), np.array([(0, 0), (10, 0)])
-    traffic.wish(1, way)
+    traffic, path = Traffic(apart_m=5.0), np.array([(0, 0), (10, 0)])
+    traffic.wish(1, path)
     # Others plan with a boat under way, which needs no more room than its plan.
     assert traffic.wished(2).is_empty
     assert not traffic.wished(2, by_all=True).is_empty
     traffic.waits(1, Waiting(claimed_by=frozenset({2})))
     assert not traffic.wished(2).is_empty
-    assert traffic.in_the_way(2, way).wished_by == {1}
+    assert traffic.in_the_way(2, path).wished_by == {1}
     assert traffic.wished(1).is_empty
-    traffic.wish(2, way)
+    traffic.wish(2, path)
     traffic.waits(2, Waiting(claimed_by=frozenset({1})))
     assert traffic.wished(1).is_empty
-    assert traffic.in_the_way(1, way).wished_by == frozenset()
+    assert traffic.in_the_way(1, path).wished_by == frozenset()
     traffic.leave(1)
     assert traffic.wished(2).is_empty
 
@@ -75,7 +75,7 @@ def test_a_boat_that_has_announced_nothing_lies_where_its_claim_ends():
     traffic = Traffic(apart_m=5.0)
     traffic.claim(1, np.array([(0.0, 0.0), (0.0, 4.0)]))
     traffic.claim(2, np.array([(20.0, 0.0)]))
-    traffic.announce(2, Announced(moments=np.array([0.0, 5.0]), places=np.eye(2) * 20.0))
+    traffic.announce(2, AnnouncedPath(times_s=np.array([0.0, 5.0]), places=np.eye(2) * 20.0))
     assert traffic.announced(2)[0].at(np.array([7.0])).tolist() == [[0.0, 4.0]]
     assert traffic.announced(1)[0].at(np.array([2.5])).tolist() == [[10.0, 10.0]]
     # A boat that has ended stays there, without a wish; a boat ashore is in nobody's way.
@@ -119,18 +119,18 @@ def test_a_wish_goes_through_the_next_sets_up_to_its_length():
     assert not traffic._wishes
 
 
-def test_in_a_rota_one_acts_at_a_time_and_in_order():
-    rota, said, busy = Rota([1, 2, 3]), [], []
+def test_in_a_round_robin_one_acts_at_a_time_and_in_order():
+    robin, said, busy = RoundRobin([1, 2, 3]), [], []
 
     def act(boat, turns):
         for _ in range(turns):
-            rota.wait(boat)
+            robin.wait(boat)
             busy.append(boat)
             assert len(busy) == 1
             said.append(boat)
             busy.clear()
-            rota.end(boat)
-        rota.leave(boat)
+            robin.end(boat)
+        robin.leave(boat)
 
     threads = [threading.Thread(target=act, args=pair) for pair in ((1, 3), (2, 1), (3, 2))]
     for thread in threads:
@@ -307,7 +307,7 @@ def test_a_boat_of_a_fleet_has_a_sonde_of_its_own(tmp_path):
     assert np.isfinite(samples.values["ph"][samples.boat == 1]).any()
 
 
-def test_whose_an_instrument_is_has_to_be_said():
+def test_an_instrument_of_a_fleet_needs_its_boat():
     one, two = Sonde(), Sonde()
     assert boat_and_instrument("2=tcp:h:1@ysi-exo") == (2, "tcp:h:1@ysi-exo")
     assert boat_and_instrument("serial:/dev/x@ysi-exo") == (None, "serial:/dev/x@ysi-exo")

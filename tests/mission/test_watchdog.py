@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import NOON, simulate, square_survey
+from conftest import NOON, run_simulated, square_survey
 
 from grebe.core.dynamics import CALM
 from grebe.core.errors import LinkError
@@ -17,7 +17,7 @@ from grebe.core.events import Estimate, Step
 from grebe.io.store import SurveyFile
 from grebe.links.base import AsDriven, as_driven
 from grebe.links.emergency import EmergencyStop, emergency_of
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 from grebe.mission.safety.watchdog import Watchdog, journal_beside, taken_notes
 from grebe.workflow.simulated import SimulatedWorld
 
@@ -160,7 +160,7 @@ def test_an_unforeseen_end_is_no_goodbye_and_a_foreseen_one_is(boat):
     assert log(boat) == ["stopped False"]
 
 
-def test_a_boat_that_was_told_nothing_yet_is_not_stopped(boat):
+def test_a_boat_without_orders_so_far_is_not_stopped(boat):
     """The first step may take long; until then the boat belongs to whoever holds it."""
     dog = Watchdog(EmergencyStop(**stop_of(boat, patience_s=0.05)))
     dog(ESTIMATE)
@@ -171,7 +171,10 @@ def test_a_boat_that_was_told_nothing_yet_is_not_stopped(boat):
 
 @pytest.mark.parametrize(
     ("action", "says"),
-    [("no_such_module:stop", "ModuleNotFoundError"), ("grebe.links.guard:sail", "AttributeError")],
+    [
+        ("no_such_module:stop", "ModuleNotFoundError"),
+        ("grebe.links.watchdog_process:sail", "AttributeError"),
+    ],
 )
 def test_a_boat_that_nobody_could_stop_is_not_set_out_with(action, says):
     with pytest.raises(LinkError, match=says):
@@ -194,7 +197,7 @@ def test_a_watchdog_that_is_dead_disturbs_no_mission(boat):
             dog(ESTIMATE)
 
 
-def test_a_mission_has_its_boat_guarded_and_the_next_one_tells_what_the_guard_did(boat):
+def test_the_watchdog_s_action_is_reported_by_the_next_mission(boat):
     def boat_at(departure):
         link = SimulatedWorld()(departure)
         link.emergency = EmergencyStop(**stop_of(boat, patience_s=10.0))
@@ -202,7 +205,7 @@ def test_a_mission_has_its_boat_guarded_and_the_next_one_tells_what_the_guard_di
 
     with SurveyFile.create(boat / "s.gpkg", square_survey(), meta={}, force=True) as file:
         journal_beside(file.path).write_text("0 the mission was dead; the boat was stopped\n")
-        assert simulate(file, world=boat_at).complete
+        assert run_simulated(file, world=boat_at).complete
         warned = [event for event in file.events() if event.code == "watchdog_acted"]
         assert [event.time for event in warned] == [NOON]
         assert "1970-01-01 00:00:00 UTC: the mission was dead" in warned[0].message
@@ -221,10 +224,10 @@ def test_what_was_recorded_is_kept_where_the_watchdog_does_not_start(boat):
         return link
 
     with SurveyFile.create(boat / "s.gpkg", square_survey(), meta={}, force=True) as file:
-        simulate(file)
+        run_simulated(file)
         before = file.count("samples"), len(file.track())
         with pytest.raises(LinkError):
-            simulate(file, world=boat_at, force=True)
+            run_simulated(file, world=boat_at, force=True)
         assert (file.count("samples"), len(file.track())) == before
     assert closed
 
@@ -234,8 +237,8 @@ def test_a_link_that_wraps_another_passes_on_how_its_boat_is_driven_and_stopped(
         as_driven = AsDriven(holds_motion=True, braking_share=0.4)
         emergency = EmergencyStop(action="boat:stop")
 
-    wrapped = PassingLink(Autopilot())
+    wrapped = ForwardingLink(Autopilot())
     assert as_driven(wrapped) == Autopilot.as_driven
     assert emergency_of(wrapped) == Autopilot.emergency
-    assert emergency_of(PassingLink(object())) is None
-    assert as_driven(PassingLink(object())) == AsDriven()
+    assert emergency_of(ForwardingLink(object())) is None
+    assert as_driven(ForwardingLink(object())) == AsDriven()

@@ -38,33 +38,33 @@ def test_the_settled_samples_alone_count(hand):
 
 
 @pytest.mark.slow
-def test_the_surveys_compared_are_as_long_in_time_and_in_way(hand, monkeypatch):
+def test_compared_surveys_have_equal_duration_or_length(hand, monkeypatch):
     """The search is tested with the lengths of plans, since sailing each trial takes minutes."""
 
-    def as_planned(survey, way):
+    def as_planned(survey, method):
         outcome = survey.outcome
         places = np.array([target.set.centre for target in survey.targets])
         return claim.Sampled(
-            way=way, positions=places, length_m=outcome.length_m, duration_s=outcome.time_s
+            method=method, positions=places, length_m=outcome.length_m, duration_s=outcome.time_s
         )
 
     monkeypatch.setattr(claim, "flown", as_planned)
-    driven, timed, length = claim.ways(hand)
+    driven, timed, length = claim.samplings(hand)
     assert timed.duration_s <= driven.duration_s
     assert 0.9 * driven.length_m < length.length_m <= driven.length_m
 
 
 @pytest.mark.slow
-def test_the_same_water_is_sampled_both_ways(hand):
+def test_the_same_water_is_sampled_by_both_methods(hand):
     """For one water, the planned survey of the same duration mostly makes the better map."""
-    driven, timed = ways = claim.ways(hand, same_length=False)
+    driven, timed = samplings = claim.samplings(hand, same_length=False)
     assert timed.duration_s <= driven.duration_s
     # Two of the four quantities: all maps take minutes, and `grebe paper claim` makes them.
-    scores = list(islice(claim.measure(hand, ways, seeds=1), 2 * 2))
+    scores = list(islice(claim.measure(hand, samplings, seeds=1), 2 * 2))
     assert len({score.quantity for score in scores}) == 2
     rows = claim.summary(scores)
-    base = [row["rmse"] for row in rows if row["way"] == driven.way]
-    better = [row["rmse"] for row in rows if row["way"] == timed.way]
+    base = [row["rmse"] for row in rows if row["way"] == driven.method]
+    better = [row["rmse"] for row in rows if row["way"] == timed.method]
     assert np.mean(np.array(better) < np.array(base)) > 0.5
 
 

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
+from grebe.planning.paths.place_paths import place_paths
 from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
-from grebe.planning.ways.place_ways import place_ways
 
 SIDE = np.linspace(0, 100, 11)
 PLACES = np.array([(n, e) for n in SIDE for e in SIDE])
 START, PACE, TURN_M = 0, 1.0, 1.0
-WAYS = place_ways(PLACES, 10.0, shapely.box(-5, -5, 105, 105))
+PATHS = place_paths(PLACES, 10.0, shapely.box(-5, -5, 105, 105))
 
 
 def worth(weights=None, known=()):
@@ -36,10 +36,10 @@ def worth(weights=None, known=()):
 
 
 def chosen(worth, budget_s):
-    return chosen_places(worth, WAYS, START, budget_s, PACE, TURN_M)
+    return chosen_places(worth, PATHS, START, budget_s, PACE, TURN_M)
 
 
-def way_s(route):
+def tour_s(route):
     return np.hypot(*np.diff(PLACES[[START, *route]], axis=0).T).sum() / PACE
 
 
@@ -61,13 +61,13 @@ def left_after(given, seen_at):
 
 @given(budget_s=st.floats(20, 600))
 @settings(max_examples=20)
-def test_the_way_keeps_the_time_and_no_place_is_visited_twice(budget_s):
+def test_the_tour_keeps_the_time_and_visits_no_place_twice(budget_s):
     route, _ = chosen(worth(), budget_s)
-    assert way_s(route) <= budget_s + 1e-9
+    assert tour_s(route) <= budget_s + 1e-9
     assert len(set(route)) == len(route)
 
 
-def test_what_is_left_is_what_readings_on_the_way_leave():
+def test_the_remaining_variance_is_that_after_the_readings_on_the_path():
     given = worth(known=(0, 60))
     route, left = chosen(given, 200.0)
     assert left.mean() == pytest.approx(left_after(given, passed(route)).mean(), rel=0.05)
@@ -80,7 +80,7 @@ def test_it_is_surer_than_places_taken_by_chance_in_the_same_time():
     for _ in range(20):
         route = []
         for k in rng.permutation(len(PLACES)).tolist():
-            if way_s([*route, k]) > 300.0:
+            if tour_s([*route, k]) > 300.0:
                 break
             route.append(k)
         others.append(left_after(given, passed(route)).mean())
@@ -97,7 +97,7 @@ def test_no_time_is_no_place():
     assert chosen(worth(), 0.5)[0] == []
 
 
-def test_readings_on_the_way_count():
+def test_readings_on_the_path_count():
     """A place at the end of unknown water is worth more than one beside it at the end of known
     water, if the paths are equally long.
     """
@@ -109,28 +109,28 @@ def test_readings_on_the_way_count():
 def test_ways_lead_around_land_and_along_the_water():
     water = shapely.box(-5, -5, 105, 105) - shapely.box(45, -5, 55, 85)
     places = PLACES[(PLACES[:, 0] < 44) | (PLACES[:, 0] > 56) | (PLACES[:, 1] > 86)]
-    ways = place_ways(places, 10.0, water)
+    paths = place_paths(places, 10.0, water)
     across = np.flatnonzero(np.all(places == (40, 0), axis=1))[0]
     beyond = np.flatnonzero(np.all(places == (60, 0), axis=1))[0]
     shortest = 2 * np.hypot(5, 85) + 10
-    assert shortest <= ways.lengths_m[across, beyond] <= 1.09 * shortest
-    way = places[ways.along(int(across), int(beyond))]
-    assert shapely.covers(water, shapely.LineString(way))
+    assert shortest <= paths.lengths_m[across, beyond] <= 1.09 * shortest
+    path = places[paths.along(int(across), int(beyond))]
+    assert shapely.covers(water, shapely.LineString(path))
     beside = np.flatnonzero(np.all(places == (30, 40), axis=1))[0]
-    assert ways.lengths_m[across, beside] == pytest.approx(np.hypot(10, 40))
+    assert paths.lengths_m[across, beside] == pytest.approx(np.hypot(10, 40))
 
 
-def announced_way(route):
+def announced_path(route):
     return PLACES[[START, *route]]
 
 
 def test_what_others_announce_counts_as_read():
     given = worth(known=(0, 60))
-    way = announced_way([10, 120])
-    after = once_read(given, WAYS, [way])
+    path = announced_path([10, 120])
+    after = once_read(given, PATHS, [path])
     seen_at = sorted(set(passed([10, 120])))
     assert np.diag(after.covariance) == pytest.approx(left_after(given, seen_at), rel=0.02)
-    assert once_read(given, WAYS, []) is given
+    assert once_read(given, PATHS, []) is given
 
 
 def test_two_boats_that_plan_one_after_the_other_do_not_read_the_same_places():
@@ -139,7 +139,7 @@ def test_two_boats_that_plan_one_after_the_other_do_not_read_the_same_places():
     """
     given = worth(known=range(22))
     first, _ = chosen(given, 200.0)
-    second, left = chosen(once_read(given, WAYS, [announced_way(first)]), 200.0)
+    second, left = chosen(once_read(given, PATHS, [announced_path(first)]), 200.0)
     # Both leave the same place, so both pass the places near it.
     both = set(passed(first)) & set(passed(second))
     assert len(both) < 0.35 * len(passed(second))

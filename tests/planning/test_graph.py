@@ -7,11 +7,11 @@ from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spannin
 
 from grebe.core.errors import PlanError
 from grebe.planning.budget import SHARE, affordable_cell_m
-from grebe.planning.ways.graph import (
+from grebe.planning.paths.graph import (
     distances,
     links_of,
     parts_of,
-    shortest_ways,
+    shortest_paths,
     spanning_forest,
 )
 
@@ -47,10 +47,10 @@ def test_distances_are_the_shortest_up_to_a_limit(links, matrix):
     assert np.array_equal(distances(links, begins, 9.0), theirs)
 
 
-def test_a_way_is_as_long_as_it_is_far(links, matrix):
+def test_a_path_s_length_is_the_distance(links, matrix):
     far = dijkstra(matrix, directed=False, indices=3)
     end = int(np.argmax(np.where(np.isfinite(far), far, -1)))
-    before, length, here = shortest_ways(links, 3, end), 0.0, end
+    before, length, here = shortest_paths(links, 3, end), 0.0, end
     while here != 3:
         length += float(links.of(before[here], here))
         here = int(before[here])

@@ -16,17 +16,17 @@ from grebe.core.errors import PlanError
 from grebe.core.plan_settings import SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.planning.cells.convex import convex_pieces, is_convex
 from grebe.planning.cells.mesh import mesh_water
 from grebe.planning.check import check_plan
+from grebe.planning.paths.network import connect
+from grebe.planning.paths.travel import travel_of
 from grebe.planning.planner import plan
 from grebe.planning.region import Region, clean_region, navigable_water
 from grebe.planning.route.bounds import lower_bound_m
 from grebe.planning.route.costs import costs_of, order_cost
 from grebe.planning.route.polish import polished
-from grebe.planning.ways.network import connect
-from grebe.planning.ways.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
 BAY = (-1050.0, -1130.0)  # of Allequash, its western end
@@ -159,7 +159,7 @@ def test_no_go_zones_and_the_margin_are_kept():
     assert planned.survey.no_go == (zone,)
 
 
-def test_nothing_left_is_said():
+def test_a_margin_that_leaves_no_water_is_reported():
     region = region_with(shapely.box(0, 0, 20, 20))
     with pytest.raises(PlanError, match="Nothing of the region"):
         navigable_water(region, (), 11.0)
@@ -173,7 +173,7 @@ def test_two_basins_with_land_between_them_are_reported():
     assert "cannot be reached" in notes[0]
 
 
-def test_the_checker_sees_land_under_a_way():
+def test_the_checker_finds_land_under_a_path():
     """A plan in a shuffled order crosses the land, and the check reports the area."""
     bay = shapely.box(0, 0, 40, 40).difference(shapely.box(10, 15, 40, 25))
     survey = plan(region_with(bay), BOAT, PlanSettings(cell_m=5)).survey
@@ -252,7 +252,7 @@ def test_a_real_lake_is_surveyed_without_touching_land(name, cell, current):
     pilot = Controller(BOAT, survey.sets, corridors=survey.corridors)
     weather = Weather(current_north_mps=0.8 * current, current_east_mps=-0.6 * current)
     world = Conditions(weather=weather, limit_s=5000)
-    flight = fly(BOAT, survey.sets, pilot, survey.start.at_rest(), world)
+    flight = simulate(BOAT, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
     places = shapely.points(np.array(flight.track)[:, 1:3])
     assert shapely.covers(region.water, places).all()

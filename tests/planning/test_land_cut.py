@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grebe.planning.ways.land_cut import MOST_SIDES, without_land
+from grebe.planning.paths.land_cut import MOST_SIDES, without_land
 
 BOX = shapely.box(-10, -10, 15, 15)
 HULL = shapely.box(0, 0, 5, 5)

@@ -62,7 +62,7 @@ def test_water_too_narrow_for_any_target_is_refused_in_one_sentence():
         plan_survey(river(18.0, length_m=1200.0), BOAT, settings(20.0, margin_m=8.6))
 
 
-def test_it_is_said_where_cells_leave_out_much_of_the_water():
+def test_much_water_outside_the_cells_is_reported():
     arm_of_specks = [(0, 0), (0, 40), (40, 40), (40, 20.7), (640, 20.7), (640, 20), (40, 20)]
     planned = plan_region(region_of([*arm_of_specks, (40, 0)]), BOAT, settings(20.0, 0.0))
     assert planned.check.coverage < 0.85

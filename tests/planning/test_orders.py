@@ -11,15 +11,15 @@ from grebe.control.controller import Controller
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PlanSettings
-from grebe.core.taut import DRAWN_IN, taut_way
+from grebe.core.taut import DRAWN_IN, taut_path
 from grebe.core.vessel import PRESETS
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.planning.cells.mesh import mesh_water
+from grebe.planning.paths.network import connect
+from grebe.planning.paths.travel import travel_of
 from grebe.planning.planner import plan
 from grebe.planning.region import Region
 from grebe.planning.route.costs import costs_of
-from grebe.planning.ways.network import connect
-from grebe.planning.ways.travel import travel_of
 
 BOAT = PRESETS["spyboat"]
 
@@ -28,8 +28,8 @@ def field(water):
     return Region(name="field", frame=region_of([(0, 0), (1, 0), (1, 1)]).frame, water=water)
 
 
-def length(way):
-    return float(np.hypot(*np.diff(way, axis=0).T).sum())
+def length(path):
+    return float(np.hypot(*np.diff(path, axis=0).T).sum())
 
 
 def drawn(polygon):
@@ -38,9 +38,9 @@ def drawn(polygon):
 
 def test_squares_in_a_row_are_touched_by_a_straight_line():
     squares = [shapely.box(10 * k, -5, 10 * k + 10, 5) for k in range(5)]
-    way = taut_way((5.0, 2.0), squares)
-    assert length(way) == pytest.approx(35.0 + DRAWN_IN * 5, rel=1e-3)
-    assert way[:, 1] == pytest.approx(np.full(6, 2.0), abs=0.1)
+    path = taut_path((5.0, 2.0), squares)
+    assert length(path) == pytest.approx(35.0 + DRAWN_IN * 5, rel=1e-3)
+    assert path[:, 1] == pytest.approx(np.full(6, 2.0), abs=0.1)
 
 
 def test_a_bank_is_touched_where_light_would_be_reflected():
@@ -48,9 +48,9 @@ def test_a_bank_is_touched_where_light_would_be_reflected():
     bank = shapely.box(-1000, 10, 1000, 30)
     end = shapely.Point(30, 0).buffer(1e-3)
     mirror = drawn(bank).bounds[1]
-    way = taut_way((0.0, 0.0), [bank, end])
-    assert length(way) == pytest.approx(np.hypot(30, 2 * mirror), rel=1e-3)
-    assert way[1] == pytest.approx([15, mirror], abs=0.1)
+    path = taut_path((0.0, 0.0), [bank, end])
+    assert length(path) == pytest.approx(np.hypot(30, 2 * mirror), rel=1e-3)
+    assert path[1] == pytest.approx([15, mirror], abs=0.1)
 
 
 @settings(deadline=None, max_examples=60)
@@ -61,28 +61,28 @@ def test_a_bank_is_touched_where_light_would_be_reflected():
     ),
     st.integers(0, 100),
 )  # fmt: skip
-def test_no_place_of_a_taut_way_can_be_moved_to_shorten_it(spots, seed):
+def test_moving_a_point_of_a_taut_path_never_shortens_it(spots, seed):
     polygons = [
         shapely.Point(x, y).buffer(r, quad_segs=2).convex_hull
         if corners > 5
         else shapely.Polygon([(x, y), (x + r, y), (x, y + r)])
         for x, y, r, corners in spots
     ]
-    way = taut_way((0.0, 0.0), polygons)
+    path = taut_path((0.0, 0.0), polygons)
     inner = [drawn(polygon) for polygon in polygons]
-    assert all(p.distance(shapely.Point(*at)) < 1e-6 for p, at in zip(inner, way[1:], strict=True))
-    centred = taut_way((0.0, 0.0), polygons, centred=[True] * len(polygons))
-    assert length(way) <= length(centred) + 1e-9
+    assert all(p.distance(shapely.Point(*at)) < 1e-6 for p, at in zip(inner, path[1:], strict=True))
+    centred = taut_path((0.0, 0.0), polygons, centred=[True] * len(polygons))
+    assert length(path) <= length(centred) + 1e-9
     rng = np.random.default_rng(seed)
     for k, polygon in enumerate(inner, start=1):
         corners = shapely.get_coordinates(polygon)[:-1]
         for share in rng.dirichlet(np.ones(len(corners)), size=20):
-            moved = way.copy()
+            moved = path.copy()
             moved[k] = share @ corners
-            assert length(moved) > length(way) - 0.02 * len(way)
+            assert length(moved) > length(path) - 0.02 * len(path)
 
 
-def test_a_way_around_a_spit_is_as_long_as_it_is():
+def test_a_path_around_a_spit_has_its_exact_length():
     """A wall 1 m thick reaches from one shore to 5 m from the other; the path leads around it."""
     water = shapely.box(0, 0, 40, 20).difference(shapely.box(19.5, 0, 20.5, 15))
     cells = mesh_water(water, 5.0)
@@ -90,13 +90,13 @@ def test_a_way_around_a_spit_is_as_long_as_it_is():
     places = network.centres
     left = int(np.argmin(np.hypot(*(places - (17.25, 7.5)).T)))
     right = int(np.argmin(np.hypot(*(places - (22.75, 7.5)).T)))
-    way = network.around.of(left, right)
+    path = network.around.of(left, right)
     half = np.hypot(*(places[left] - (19.5, 15)))
-    assert way == pytest.approx(2 * half + 1, rel=0.01)
+    assert path == pytest.approx(2 * half + 1, rel=0.01)
     costs = costs_of(network, travel_of(BOAT, (1.0, 2.0), CALM), (0.0, 0.0), returns=False)
     row = slice(costs.starts[left], costs.starts[left + 1])
     seconds = costs.link_s[row][costs.neighbours[row] == right]
-    assert seconds == pytest.approx(way / 2, rel=0.1)
+    assert seconds == pytest.approx(path / 2, rel=0.1)
 
 
 @pytest.mark.parametrize("side", [4, 6, 8])
@@ -144,6 +144,6 @@ def test_a_mission_takes_about_what_its_plan_says(vessel, core):
     survey = planned.survey
     pilot = Controller(boat, survey.sets, corridors=survey.corridors)
     world = Conditions(weather=Weather(current_north_mps=0.1), limit_s=3000)
-    flight = fly(boat, survey.sets, pilot, survey.start.at_rest(), world)
+    flight = simulate(boat, survey.sets, pilot, survey.start.at_rest(), world)
     assert flight.complete
     assert flight.duration_s == pytest.approx(planned.outcome.time_s, rel=0.25)

@@ -16,10 +16,10 @@ from grebe.core.sets import ring_vertices
 from grebe.core.vessel import PRESETS
 from grebe.io.readers.outline import read_outline
 from grebe.planning.cells.mesh import MAX_SIDES, mesh_water, target_footprint
+from grebe.planning.paths.network import connect
 from grebe.planning.planner import plan_survey
 from grebe.planning.region import clean_region, navigable_water
 from grebe.planning.route.orders import sweeps
-from grebe.planning.ways.network import connect
 
 HERON = (3.171153, 50.636268)
 

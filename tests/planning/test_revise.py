@@ -97,7 +97,7 @@ def closed_revision(survey, zone, place, reached=0):
     )  # fmt: skip
 
 
-def test_what_a_closed_area_leaves_of_cells_is_still_a_way(strait):
+def test_what_a_closed_area_leaves_of_cells_still_carries_a_path(strait):
     """A closed area cuts every cell of a strait's middle row: none of them stays complete."""
     zone = shapely.box(5, 145, 55, 155)
     new = closed_revision(strait, zone, (30.0, 20.0))
@@ -127,14 +127,14 @@ def test_a_boat_in_the_area_that_is_closed_is_led_out_of_it(strait):
     assert rest.intersection(zone).area < 1e-6
 
 
-def test_where_an_area_takes_every_cell_it_is_said(strait):
+def test_an_area_that_closes_every_cell_is_reported(strait):
     with pytest.raises(PlanError, match="can reach no more cells"):
         open_water(strait, STRAIT).closing([shapely.box(2, 2, 58, 298)], (30.0, 30.0))
     with pytest.raises(PlanError, match="no water is left"):
         open_water(strait, STRAIT).closing([shapely.box(-1, -1, 61, 301)], (30.0, 30.0))
 
 
-def test_a_sortie_that_is_planned_anew_ends_at_its_harbour_and_the_others_stay():
+def test_a_replanned_sortie_ends_at_its_harbour_and_the_others_stay():
     lon, lat = FRAME.to_wgs84((5.0, 5.0)).tolist()
     bounds = SortieSettings(minutes=25.0, harbours=((lon, lat),))
     planned = plan_sorties(REGION, BOAT, replace(SETTINGS, cell_m=30.0, sorties=bounds))

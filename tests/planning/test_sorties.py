@@ -96,7 +96,7 @@ def test_the_same_settings_give_the_same_sorties():
     assert [t.set for t in again.survey.targets] == [t.set for t in one.survey.targets]
 
 
-def test_a_cell_that_no_sortie_comes_home_from_is_told():
+def test_a_cell_from_which_no_sortie_comes_home_is_reported():
     with pytest.raises(PlanError, match="farthest from a harbour"):
         plan_sorties(REGION, BOAT, settings(minutes=8.0))
     with pytest.raises(PlanError, match=r"cannot get home|over ground"):

@@ -142,7 +142,7 @@ def test_boats_alike_with_starts_of_their_own_come_home_to_them_too():
         plan_sorties(REGION, BOATS[0], both)
 
 
-def test_what_a_boat_cannot_do_is_told_with_the_boats_name():
+def test_what_a_boat_cannot_do_is_reported_with_its_name():
     with pytest.raises(PlanError, match="Boat 2, otter: the cell farthest from a harbour"):
         plan_sorties(REGION, BOATS[0], wishes(batteries_wh=(200.0, 5.0)))
     slow = wishes(minutes=35.0, vessels=(BOATS[0], PRESETS["tianjin"]))

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("starlette")
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import Writer
-from server.test_server import HOSTS, hear, run
+from server.test_server import HOSTS, on_event, run
 
 from grebe.core.errors import InputError
 from grebe.server.app import make_app
@@ -95,7 +95,7 @@ def test_the_server_hands_out_tiles_and_nothing_else(place, status, tmp_path):
     background = open_background(packed(tmp_path / "x.pmtiles"))
     app = make_app(tmp_path, keys, HOSTS, background)
     headers = {"host": "127.0.0.1:8737", "authorization": f"Bearer {keys.bearer}"}
-    found, said, body = run(hear(app, f"/api/background/{place}", "GET", b"", **headers))
+    found, said, body = run(on_event(app, f"/api/background/{place}", "GET", b"", **headers))
     assert found == status
     if status == 200:
         assert (said["content-type"], body) == ("image/png", IMAGE)

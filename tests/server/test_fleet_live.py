@@ -16,9 +16,9 @@ from grebe.planning.fleets.shares import plan_fleet
 from grebe.planning.region import Region
 from grebe.server import views
 from grebe.server.fleet_state import together
-from grebe.server.live import Watch
-from grebe.server.mission_delta import Telling
-from grebe.server.mission_socket import Ears
+from grebe.server.live import MissionWatch
+from grebe.server.mission_delta import MissionDelta
+from grebe.server.mission_socket import MissionSocket
 from grebe.server.tabs import Lease
 from grebe.workflow.files import write_survey
 from grebe.workflow.fleets import FleetRun
@@ -26,14 +26,14 @@ from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
 
-class Heard(Ears):
-    """The ears of a fleet's missions, which store every message."""
+class Heard(MissionSocket):
+    """The socket of a fleet's missions, which stores every message."""
 
-    def open(self, beside):
+    def open(self, with_status):
         self.told = []
-        self._door.close()
+        self._server_socket.close()
 
-    def _say(self, told):
+    def _send(self, told):
         self.told.append(json.loads(json.dumps(told, allow_nan=False)))
 
 
@@ -47,36 +47,41 @@ def sailed(tmp_path_factory):
     write_survey(path, planned.survey, revision=planned.revision)
     before = views.snapshot("x", path)
     with SurveyFile.open(path) as file:
-        tellings = {boat: Telling(file.survey, list(file.quantities)) for boat in (1, 2)}
-        ears = Heard(tellings, of_fleet=True)
-        ears.open(path)
+        deltas = {boat: MissionDelta(file.survey, list(file.quantities)) for boat in (1, 2)}
+        mission_socket = Heard(deltas, of_fleet=True)
+        mission_socket.open(path)
 
         def watches(boat):
-            return [lambda event: ears.hear(event, boat), lambda _: ears._tell_once()]
+            return [
+                lambda event: mission_socket.on_event(event, boat),
+                lambda _: mission_socket._send_once(),
+            ]
 
         world = SimulatedWorld()
         report = FleetRun(
             file,
-            lambda boat, departure: ears.beside(replace(world, boat=boat))(departure),
+            lambda boat, departure: mission_socket.with_status(replace(world, boat=boat))(
+                departure
+            ),
             steered_by(),
             watches=watches,
         ).run(NOON)
     assert report.complete
-    return path, before, ears.told
+    return path, before, mission_socket.told
 
 
 def watched(path, state, told):
-    watch = Watch("x", path, Lease())
+    watch = MissionWatch("x", path, Lease())
     watch.state = state
     said = []
-    watch._tell = lambda kind, what: said.append((kind, json.loads(json.dumps(what))))
-    watch._tell_map = lambda: None
+    watch._send = lambda kind, what: said.append((kind, json.loads(json.dumps(what))))
+    watch._send_map = lambda: None
     for one in told:
-        watch._take(one)
+        watch._apply(one)
     return watch, [what for kind, what in said if kind == "delta"]
 
 
-def test_what_the_boats_tell_is_what_their_file_holds(sailed):
+def test_what_the_boats_publish_is_what_their_file_holds(sailed):
     path, before, told = sailed
     watch, said = watched(path, before, told)
     after = views.snapshot("x", path)
@@ -104,7 +109,7 @@ def test_a_page_that_looks_on_late_counts_nothing_of_a_boat_twice(sailed):
     assert watch.state["status"]["reached"] == after["status"]["reached"]
 
 
-def test_a_fleet_is_under_way_for_as_long_as_one_of_its_boats_is():
+def test_a_fleet_is_under_way_while_one_of_its_boats_is():
     one = {"status": {"state": "complete", "doing": "mission_complete", "eta_s": None}}
     other = {"status": {"state": "running", "doing": "surveying", "eta_s": 30.0}}
     unheard = {"status": {"reached": 0, "targets": 4}}
@@ -124,10 +129,13 @@ def test_an_order_goes_to_every_boat():
 
         go_on = come_home = stop = None
 
-    ears, missions = Ears({1: None, 2: None}, of_fleet=True), {1: Mission(), 2: Mission()}
-    ears._door.close()
+    mission_socket, missions = (
+        MissionSocket({1: None, 2: None}, of_fleet=True),
+        {1: Mission(), 2: Mission()},
+    )
+    mission_socket._server_socket.close()
     for boat, mission in missions.items():
-        ears.obeys(mission, boat)
-    ears._obey("pause")
-    ears._obey("nonsense")
+        mission_socket.attach(mission, boat)
+    mission_socket._execute("pause")
+    mission_socket._execute("nonsense")
     assert all(len(mission.asked) == 1 for mission in missions.values())

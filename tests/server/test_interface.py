@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 starlette = pytest.importorskip("starlette")
-from server.test_server import HOSTS, REGION, hear, run  # noqa: E402
+from server.test_server import HOSTS, REGION, on_event, run  # noqa: E402
 
 from grebe.io.store import SurveyFile  # noqa: E402
 from grebe.server import library, plans  # noqa: E402
@@ -42,7 +42,7 @@ def sailed(tmp_path_factory, simulated_survey):
             "content_type": "application/json",
         }  # fmt: skip
         sent = b"" if body is None else json.dumps(body).encode()
-        status, _, answer = run(hear(app, path, method, sent, **headers))
+        status, _, answer = run(on_event(app, path, method, sent, **headers))
         return status, answer
 
     return asked, library.identity(folder / "demo.gpkg"), library.identity(folder / "sailed.gpkg")

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 pytest.importorskip("starlette")
-from server.test_server import HOSTS, hear, run
+from server.test_server import HOSTS, on_event, run
 
 from grebe.cli.app_command import PASSWORD_VARIABLE, command
 from grebe.core.errors import GrebeError
@@ -34,17 +34,17 @@ def gate(tmp_path, monkeypatch):
 
 
 def test_the_page_asks_for_the_password_and_the_right_one_opens_it(gate):
-    status, said, body = run(hear(gate, "/", "GET", b"", **HEADERS))
+    status, said, body = run(on_event(gate, "/", "GET", b"", **HEADERS))
     assert status == 401
     assert b"type=password" in body
     assert "form-action 'self'" in said["content-security-policy"]
     assert "strict-transport-security" in said
     form = f"password={WORD.replace(' ', '+')}".encode()
-    status, said, _ = run(hear(gate, "/login", "POST", form, **HEADERS))
+    status, said, _ = run(on_event(gate, "/login", "POST", form, **HEADERS))
     assert (status, said["location"]) == (303, "/")
     assert "; Secure" in said["set-cookie"]
     cookie = said["set-cookie"].partition(";")[0]
-    assert run(hear(gate, "/api/options", "GET", b"", cookie=cookie, **HEADERS))[0] == 200
+    assert run(on_event(gate, "/api/options", "GET", b"", cookie=cookie, **HEADERS))[0] == 200
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_the_page_asks_for_the_password_and_the_right_one_opens_it(gate):
     ],
 )
 def test_nothing_else_opens_it(gate, form):
-    status, said, body = run(hear(gate, "/login", "POST", form, **HEADERS))
+    status, said, body = run(on_event(gate, "/login", "POST", form, **HEADERS))
     assert status == 403
     assert "set-cookie" not in said
     assert b"not the password" in body
@@ -69,7 +69,7 @@ def test_nothing_else_opens_it(gate, form):
 def test_a_form_of_another_site_is_refused(gate):
     form = f"password={WORD}".encode()
     headers = {**HEADERS, "origin": "https://evil.example"}
-    assert run(hear(gate, "/login", "POST", form, **headers))[0] == 403
+    assert run(on_event(gate, "/login", "POST", form, **headers))[0] == 403
 
 
 def test_guesses_wait_for_each_other_and_too_many_are_turned_away(monkeypatch):

@@ -27,10 +27,10 @@ from grebe.server import library, maps, plans, views  # noqa: E402
 from grebe.server.boat import Paced  # noqa: E402
 from grebe.server.failures import NoMapError  # noqa: E402
 from grebe.server.library import Library, UnknownSurveyError  # noqa: E402
-from grebe.server.live import Watch  # noqa: E402
+from grebe.server.live import MissionWatch  # noqa: E402
 from grebe.server.requests import parsed  # noqa: E402
 from grebe.server.security import Gate, Keys  # noqa: E402
-from grebe.server.tabs import PAST, QUEUE, Lease, Past, Tab, message  # noqa: E402
+from grebe.server.tabs import PAST, QUEUE, Lease, Past, Tab, encoded_message  # noqa: E402
 from grebe.server.worker import Worker  # noqa: E402
 
 LAKE = [[6.55, 46.45], [6.551, 46.45], [6.551, 46.4506], [6.55, 46.4506], [6.55, 46.45]]
@@ -40,11 +40,11 @@ HOSTS = frozenset({"127.0.0.1:8737"})
 
 async def ask(app, path="/api/x", method="GET", **headers):
     """Send a request to an ASGI app without a socket; return status and headers."""
-    status, headers, _ = await hear(app, path, method, b"", **headers)
+    status, headers, _ = await on_event(app, path, method, b"", **headers)
     return status, headers
 
 
-async def hear(app, path, method, sent, **headers):
+async def on_event(app, path, method, sent, **headers):
     """Send a request with a body; return status, headers and body."""
     heard = []
     scope = {
@@ -287,16 +287,16 @@ def test_a_kept_plan_is_a_survey_file_of_that_name(tmp_path):
     json.dumps(views.snapshot(line["id"], path), allow_nan=False)
 
 
-def test_a_slow_tab_is_told_all_again_instead_of_a_queue():
+def test_a_slow_tab_gets_a_snapshot_instead_of_a_queue():
     tab = Tab(name="slow")
     for _ in range(3 * QUEUE):
-        tab.tell(message("delta", {}))
+        tab.send(encoded_message("delta", {}))
     assert tab.behind
     assert tab.queue.qsize() == QUEUE
 
 
 @given(told=st.integers(0, PAST + 50), missed=st.integers(0, PAST + 50))
-def test_who_comes_back_is_told_what_it_missed_and_nothing_twice(told, missed):
+def test_a_reconnecting_tab_gets_what_it_missed_and_nothing_twice(told, missed):
     past = Past()
     numbers = [past.number]
     for count in range(told):
@@ -313,7 +313,7 @@ def test_who_comes_back_is_told_what_it_missed_and_nothing_twice(told, missed):
 
 
 @given(number=st.text(max_size=30) | st.builds("{}.{}".format, st.text(max_size=9), st.integers()))
-def test_a_number_of_another_server_or_of_nobody_begins_anew(number):
+def test_an_unknown_message_number_gets_a_snapshot(number):
     past = Past()
     past.add("delta", {})
     assert past.since(number) is None
@@ -322,7 +322,7 @@ def test_a_number_of_another_server_or_of_nobody_begins_anew(number):
     assert past.since(before) is None
 
 
-def test_one_page_steers_and_all_see_which():
+def test_one_page_steers_and_all_are_shown_which():
     lease = Lease()
     lease.take("a")
     assert (lease.seen_by("a")["holder"], lease.seen_by("b")["holder"]) == ("you", "other")
@@ -348,7 +348,7 @@ def served(tmp_path):
             "content_type": "application/json", "x_grebe_tab": tab,
         }  # fmt: skip
         whole = path if path.startswith("/api") else base + path
-        status, _, answer = run(hear(app, whole, method, body, **headers))
+        status, _, answer = run(on_event(app, whole, method, body, **headers))
         return status, json.loads(answer or b"null")
 
     return asked
@@ -394,7 +394,7 @@ def test_whatever_is_asked_the_answer_is_never_that_the_server_failed(served, pa
 
 
 @pytest.mark.slow
-def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
+def test_what_a_mission_publishes_is_what_its_file_holds(simulated_survey):
     path, _, told = simulated_survey
     with SurveyFile.open(path) as file:
         reached, samples = file.progress().reached, file.count("samples")
@@ -409,15 +409,15 @@ def test_what_a_mission_tells_is_what_its_file_holds(simulated_survey):
 @pytest.mark.slow
 def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
     path, _, told = simulated_survey
-    watch = Watch("x", path, Lease())
+    watch = MissionWatch("x", path, Lease())
     watch.state = views.snapshot("x", path)
     count = watch.state["status"]["samples"]
     # The file was read after the mission had sent the last of these.
     for one in told[-50:]:
-        watch._take_lists(one, {}, 0.0)
+        watch._apply_lists(one, {}, 0.0)
     assert watch.state["status"]["samples"] == count
     later = {**told[-1], "samples": [[watch.state["sampled"] + 1, 6.5, 46.4, [1.0] * 20]]}
-    watch._take_lists(later, {}, 0.0)
+    watch._apply_lists(later, {}, 0.0)
     assert watch.state["status"]["samples"] == count + 1
 
 
@@ -425,12 +425,12 @@ def test_a_page_that_looks_on_late_counts_no_sample_twice(simulated_survey):
 def test_targets_are_known_by_their_numbers_and_not_by_their_places(simulated_survey):
     """A revision changes the order; a page must not mark the neighbours of a target."""
     path, _, _ = simulated_survey
-    watch = Watch("x", path, Lease())
+    watch = MissionWatch("x", path, Lease())
     watch.state = views.snapshot("x", path)
     targets = watch.state["targets"] = [
         {**one, "state": "open"} for one in reversed(watch.state["targets"])
     ]
-    watch._take_lists({"targets": [[targets[0]["seq"], "reached"]]}, {}, 0.0)
+    watch._apply_lists({"targets": [[targets[0]["seq"], "reached"]]}, {}, 0.0)
     assert [one["state"] for one in targets] == ["reached"] + ["open"] * (len(targets) - 1)
 
 

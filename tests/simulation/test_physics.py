@@ -133,7 +133,7 @@ def test_a_late_copy_of_an_older_frame_gets_no_answer():
 
 
 @pytest.mark.parametrize(("last", "then"), [(5, 0), (5000, 3)])
-def test_frames_that_begin_anew_put_the_boat_back(last, then):
+def test_restarted_frames_put_the_boat_back(last, then):
     physics = Physics(BOAT, heading_rad=0.5)
     for frame in (0, *range(last - 3, last + 1)):
         physics.answer(packet(frame, 1900, 1900))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from click.testing import CliRunner
-from conftest import FRAME, simulate
+from conftest import FRAME, run_simulated
 
 from grebe.cli.plan_command import command
 from grebe.core.errors import GrebeError, InputError, PlanError, UsageError
@@ -34,14 +34,14 @@ BOAT = PRESETS["spyboat"]
 
 
 @pytest.mark.slow
-def test_what_is_expected_is_what_the_flown_samples_leave(tmp_path):
+def test_the_expected_sd_is_that_of_the_sailed_samples(tmp_path):
     planned = plan(REGION, BOAT, PlanSettings(cell_m=15.0))
     prior = prior_of_range(80.0)
     foreseen = expected(planned, prior)
     path = tmp_path / "s.gpkg"
     write_survey(path, planned.survey)
     with SurveyFile.open(path) as file:
-        assert simulate(file).complete
+        assert run_simulated(file).complete
         at = file.samples().positions
     nodes = foreseen.grid.nodes
     left = krige(at, np.zeros(len(at)), nodes, prior).variance

@@ -81,7 +81,7 @@ def test_a_file_that_is_half_written_is_read_at_the_next_look(watched):
     assert len(mission.closed) == 1
 
 
-def test_what_lies_beside_the_water_closes_nothing_and_is_told(watched):
+def test_an_area_outside_the_water_closes_nothing_and_is_reported(watched):
     closures, mission, said = watched
     write(closures.path, (500, 500, 520, 520), at=1)
     closures(estimate(0.0))
@@ -89,7 +89,7 @@ def test_what_lies_beside_the_water_closes_nothing_and_is_told(watched):
     assert "from the water" in said[0]
 
 
-def test_a_second_mission_is_told_what_is_closed_already(watched):
+def test_a_second_mission_gets_the_areas_closed_before(watched):
     closures, first, _ = watched
     write(closures.path, (10, 10, 20, 20), at=1)
     closures(estimate(100.0))

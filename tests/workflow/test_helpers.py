@@ -21,7 +21,7 @@ from grebe.mapping.maps import Mapper, MapSettings, map_all
 from grebe.mapping.methods.spde import Spde
 from grebe.mapping.scale import LINEAR
 from grebe.workflow.files import write_survey
-from grebe.workflow.helpers import Crew
+from grebe.workflow.helpers import WorkerPool
 from grebe.workflow.maps import helpers_for
 
 KEYS = ("temperature_degc", "dissolved_oxygen_mgl", "ph")
@@ -47,38 +47,38 @@ def odd_refused(item):
     return item
 
 
-def running(crew):
-    return [one.process.poll() is None for one in crew._helpers]
+def running(pool):
+    return [one.process.poll() is None for one in pool._helpers]
 
 
 def test_several_processes_share_the_items_and_keep_their_order():
-    with Crew(2) as crew:
-        done = list(crew.map(partial(rested_in, os.getpid()), range(12)))
-        helpers = crew._helpers
+    with WorkerPool(2) as pool:
+        done = list(pool.map(partial(rested_in, os.getpid()), range(12)))
+        helpers = pool._helpers
     assert [item for item, _ in done] == list(range(12))
     assert len({who for _, who in done}) > 1
     assert all(one.process.poll() is not None for one in helpers)  # none outlives its crew
 
 
 def test_a_killed_helper_loses_nothing():
-    with Crew(2) as crew:
-        assert list(crew.map(partial(deadly_but_in, os.getpid()), range(12))) == list(range(12))
-        assert list(crew.map(odd_refused, [0, 2, 4])) == [0, 2, 4]  # and later work is done too
+    with WorkerPool(2) as pool:
+        assert list(pool.map(partial(deadly_but_in, os.getpid()), range(12))) == list(range(12))
+        assert list(pool.map(odd_refused, [0, 2, 4])) == [0, 2, 4]  # and later work is done too
 
 
 def test_what_cannot_be_sent_is_done_here():
     here = os.getpid()
-    with Crew(1) as crew:
-        assert list(crew.map(lambda item: (item, os.getpid()), [1, 2])) == [(1, here), (2, here)]
+    with WorkerPool(1) as pool:
+        assert list(pool.map(lambda item: (item, os.getpid()), [1, 2])) == [(1, here), (2, here)]
 
 
 def test_an_error_is_the_items_own_and_ends_the_helpers():
-    with Crew(1) as crew:
-        results = crew.map(odd_refused, [0, 1, 2])
+    with WorkerPool(1) as pool:
+        results = pool.map(odd_refused, [0, 1, 2])
         assert next(results) == 0
         with pytest.raises(ValueError, match="1 is odd"):
             next(results)
-        assert not running(crew)
+        assert not running(pool)
 
 
 def lake_samples(count, keys=KEYS):
@@ -98,9 +98,9 @@ def test_maps_are_the_same_to_the_digit_whoever_makes_them(method):
     samples, water = lake_samples(90), shapely.box(0, 0, 100, 100)
     mapper = Mapper(water, make_grid(water, 5.0), MapSettings(method=method, scale=LINEAR))
     alone, left_out = map_all(mapper, samples, BUILTIN)
-    with Crew(1) as crew:
-        shared, same = map_all(mapper, samples, BUILTIN, each=crew.map)
-        assert all(running(crew))
+    with WorkerPool(1) as pool:
+        shared, same = map_all(mapper, samples, BUILTIN, each=pool.map)
+        assert all(running(pool))
     assert [one.quantity.key for one in shared] == list(KEYS)
     assert left_out == same
     for one, other in zip(shared, alone, strict=True):

@@ -53,7 +53,7 @@ def test_a_mission_is_the_same_before_and_after_its_kernels_are_cached(tmp_path)
     assert list((fresh / "control").rglob("rollout.lagged*.nbc"))
 
 
-def test_another_source_is_compiled_anew(tmp_path, monkeypatch):
+def test_a_changed_source_is_recompiled(tmp_path, monkeypatch):
     (tmp_path / "core").mkdir()
     source = tmp_path / "core" / "kernel.py"
     source.write_text("one")

@@ -17,9 +17,9 @@ from grebe.core.events import MissionEvent
 from grebe.core.survey import Survey
 from grebe.links.base import Observation
 from grebe.links.simulated import EstimateErrors, SimulatedLink
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.statistics import MissionReport
 from grebe.simulation.faults import Faults, FaultyPlant
 from grebe.simulation.plant import Plant, mismatched
 from grebe.simulation.sonde import UniformSonde
@@ -53,8 +53,8 @@ def sail(
         faults,
     )
 
-    def helm(way: Survey) -> Controller:
-        return Controller(vessel, way.sets, rule_named(words["rule"]), corridors=way.corridors)
+    def helm(route: Survey) -> Controller:
+        return Controller(vessel, route.sets, rule_named(words["rule"]), corridors=route.corridors)
 
     report = Mission(
         own,

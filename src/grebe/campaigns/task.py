@@ -19,7 +19,7 @@ from grebe.campaigns.spread import Value
 from grebe.core.errors import GrebeError, StoppedError
 from grebe.core.events import EndReason
 from grebe.core.survey import Survey
-from grebe.mission.telling.statistics import MissionReport
+from grebe.mission.events.statistics import MissionReport
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from grebe.cli import options, output
 from grebe.control.rules.lookahead import Lookahead
 from grebe.core.errors import IncompleteError
 from grebe.io.store import SurveyFile
-from grebe.mission.telling.statistics import ProgressMeter
+from grebe.mission.events.statistics import ProgressMeter
 from grebe.report import canvas, mission_figures
 from grebe.report.page import write_report
 from grebe.report.thresholds import read_profile

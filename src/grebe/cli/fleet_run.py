@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from grebe.cli import output
-from grebe.cli.interruption import heed_mission
+from grebe.cli.interruption import handle_signals_for
 from grebe.cli.run_preview import say_spent
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
@@ -17,12 +17,12 @@ from grebe.core.errors import IncompleteError, StoppedError, UsageError
 from grebe.core.survey import SIMULATED_WATER
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink
-from grebe.links.instruments.instrument import Bench
+from grebe.links.instruments.instrument import InstrumentSet
 from grebe.mission.departure import Departure
+from grebe.mission.events.recorders import Listener
+from grebe.mission.events.statistics import Alarm, Progress, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import Listener
-from grebe.mission.telling.statistics import Alarm, Progress, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.fleets import ExtensionOf, FleetReport, FleetRun
@@ -32,7 +32,7 @@ from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
 
 if TYPE_CHECKING:
-    from grebe.server.mission_socket import Ears
+    from grebe.server.mission_socket import MissionSocket
 
 SIMULATED = "sim:"
 
@@ -67,32 +67,38 @@ class FleetMeter:
 
 
 @dataclass
-class Attendants:
+class FleetListeners:
     """Everything that listens to the boats' missions or gives them orders: the terminal's `meter`,
-    the `closing` of areas to each boat, and the app's `ears`.
+    the `closing` of areas to each boat, and the app's `mission_socket`.
     """
 
     meter: FleetMeter
     closing: Mapping[int, Closures]
-    ears: Ears | None
+    mission_socket: MissionSocket | None
 
     def of(self, boat: int) -> list[Listener]:
         """The listeners of one boat's mission."""
-        told = [] if self.ears is None else [partial(self.ears.hear, boat=boat)]
+        watching = (
+            []
+            if self.mission_socket is None
+            else [partial(self.mission_socket.on_event, boat=boat)]
+        )
         closes = [self.closing[boat]] if boat in self.closing else []
-        return [*self.meter.listeners(boat), *told, *closes]
+        return [*self.meter.listeners(boat), *watching, *closes]
 
-    def take(self, boat: int, mission: Mission) -> None:
+    def attach(self, boat: int, mission: Mission) -> None:
         """Attach to a mission before it begins."""
-        heed_mission(mission)
-        if self.ears is not None:
-            self.ears.obeys(mission, boat)
+        handle_signals_for(mission)
+        if self.mission_socket is not None:
+            self.mission_socket.attach(mission, boat)
         if boat in self.closing:
             self.closing[boat].begin(mission)
 
-    def beside(self, boat_at: Callable[[Departure], BoatLink]) -> Callable[[Departure], BoatLink]:
+    def with_status(
+        self, boat_at: Callable[[Departure], BoatLink]
+    ) -> Callable[[Departure], BoatLink]:
         """The same link, which also reports to the app."""
-        return boat_at if self.ears is None else self.ears.beside(boat_at)
+        return boat_at if self.mission_socket is None else self.mission_socket.with_status(boat_at)
 
 
 def run_fleet(
@@ -106,35 +112,35 @@ def run_fleet(
     yes: bool,
     resume: bool,
     force: bool,
-    benches: Mapping[int | None, Bench],
+    instrument_sets: Mapping[int | None, InstrumentSet],
     replans: bool,
     closures: Callable[[], Closures | None],
     extends: ExtensionOf | None,
-    ears: Ears | None,
+    mission_socket: MissionSocket | None,
     changed: Collection[int],
 ) -> FleetReport:
     """Sail a fleet's survey and check the quality of its samples.
 
-    `urls`: one link for all boats, or one for each. `benches`: the instruments of some boats.
-    `closures` makes the closed areas of one mission (None: nothing is closed). `extends` makes the
-    function that plans the adaptive part of a mission. `ears`: the app's. `changed`: the boats
-    whose batteries were changed.
+    `urls`: one link for all boats, or one for each. `instrument_sets`: the instruments of some
+    boats. `closures` makes the closed areas of one mission (None: nothing is closed). `extends`
+    makes the function that plans the adaptive part of a mission. `mission_socket`: that of the app.
+    `changed`: the boats whose batteries were changed.
     """
     rule, solver, world = how
     fleet = survey_file.survey.fleet
     assert fleet is not None
     links = _links_of(urls, fleet.boats)
     simulated = all(link == SIMULATED for link in links)
-    attendants = Attendants(
+    listeners = FleetListeners(
         meter=FleetMeter(bar, len(survey_file.survey.targets)),
         closing={k: made for k in range(1, fleet.boats + 1) if (made := closures())},
-        ears=ears,
+        mission_socket=mission_socket,
     )
 
     def boat_at(boat: int, departure: Departure) -> BoatLink:
         say_spent(departure)
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
-        return attendants.beside(boat_named(links[boat - 1], harbour))(departure)
+        return listeners.with_status(boat_named(links[boat - 1], harbour))(departure)
 
     boats = f"{fleet.boats} boats"
     by_links = f"{boats}: {', '.join(dict.fromkeys(links))}"
@@ -145,9 +151,9 @@ def run_fleet(
         steered_by(rule, solver),
         settings,
         shares_time=simulated,
-        watches=attendants.of,
-        on_ready=attendants.take,
-        instruments=of_fleet(benches, fleet.boats),
+        watches=listeners.of,
+        on_ready=listeners.attach,
+        instruments=of_fleet(instrument_sets, fleet.boats),
         replans=replans,
         extends=extends,
         changed=changed,

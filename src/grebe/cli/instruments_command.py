@@ -77,10 +77,10 @@ def _watch(instrument: str, seconds: float | None, *, as_json: bool) -> None:
 
 
 def _pretend(profile: str, address: str | None, seconds: float | None) -> None:
-    from grebe.links.instruments.pretend import PretendSerial, PretendUdp, voice_of
+    from grebe.links.instruments.pretend import PretendSerial, PretendUdp, simulated_instrument
     from grebe.links.instruments.profile import profile_named
 
-    voice = voice_of(profile_named(profile))
+    voice = simulated_instrument(profile_named(profile))
     sonde = PretendUdp(voice, address) if address else PretendSerial(voice)
     where = f"udp:{address}" if address else f"serial:{getattr(sonde, 'device', '')}:9600:8N1"
     output.note(f"A simulated sonde is sending; read it with: grebe instruments {where}@{profile}")

@@ -46,7 +46,7 @@ class Stops(Protocol):
 _MISSIONS: list[Stops] = []
 
 
-def heed_mission(mission: Stops) -> None:
+def handle_signals_for(mission: Stops) -> None:
     """Make the signals that end the process stop this mission too, and SIGUSR1 call it home."""
     _MISSIONS.append(mission)
     if threading.current_thread() is threading.main_thread():
@@ -58,16 +58,16 @@ def _call_home() -> None:
         mission.come_home("called home by SIGUSR1")
 
 
-def heed_signals() -> None:
+def handle_signals() -> None:
     """Make SIGINT raise `KeyboardInterrupt` and SIGTERM `StoppedError`; both then end the process
     for certain.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, _stop)
-    heard, told = socket.socketpair()
-    told.setblocking(False)
-    signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
-    watcher = threading.Thread(target=_watch, args=(heard, told), daemon=True)
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
+    signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    watcher = threading.Thread(target=_watch, args=(receiver, sender), daemon=True)
     watcher.start()
 
 
@@ -80,11 +80,11 @@ def _stop(signum: int, frame: FrameType | None) -> None:
     raise StoppedError(STOPPED)
 
 
-def _watch(heard: socket.socket, told: socket.socket) -> None:
-    """Wait for a signal that ends the process. Holding `told` keeps that socket open."""
+def _watch(receiver: socket.socket, sender: socket.socket) -> None:
+    """Wait for a signal that ends the process. Holding `sender` keeps that socket open."""
     number = 0
-    while told.fileno() >= 0 and number not in ENDS:
-        number = heard.recv(1)[0]
+    while sender.fileno() >= 0 and number not in ENDS:
+        number = receiver.recv(1)[0]
     sentence, code = ENDS[signal.Signals(number)]
     for mission in _MISSIONS:
         # A broken link must not keep the next boat from being stopped.

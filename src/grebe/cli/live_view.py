@@ -16,14 +16,14 @@ from grebe.core.errors import UsageError
 from grebe.io.store import SurveyFile
 
 if TYPE_CHECKING:
-    from grebe.server.mission_socket import Ears
+    from grebe.server.mission_socket import MissionSocket
 
 # The app outlives the mission, and ends once no page has been open for this long.
 IDLE_MINUTES = 10.0
 
 
 @contextmanager
-def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[Ears | None]:
+def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[MissionSocket | None]:
     """Show a mission, or those of a fleet, in the app if `wanted`, and print the app's address.
 
     The mission does not depend on the app: it sails whether or not the app starts, and continues
@@ -36,11 +36,11 @@ def live_view(survey_file: SurveyFile, *, wanted: bool) -> Generator[Ears | None
         raise UsageError(
             f"The app needs {' and '.join(missing)}: pip install 'grebe[app]'.", settings=("live",)
         )
-    from grebe.server.mission_socket import listened_to
+    from grebe.server.mission_socket import serve_clients
 
-    with listened_to(survey_file) as ears:
+    with serve_clients(survey_file) as mission_socket:
         threading.Thread(target=_open_app, args=(survey_file.path,), daemon=True).start()
-        yield ears
+        yield mission_socket
 
 
 def _open_app(survey: Path) -> None:

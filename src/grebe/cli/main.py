@@ -9,9 +9,9 @@ import click
 
 from grebe.cli import output
 from grebe.cli.flags import sentence
-from grebe.cli.interruption import INTERRUPTED, heed_signals
+from grebe.cli.interruption import INTERRUPTED, handle_signals
 from grebe.core.errors import GrebeError, InputError
-from grebe.workflow.collector import leave_all, uncollected
+from grebe.workflow.garbage_collection import leave_all, without_collection
 
 COMMANDS = {
     "app": "plan, watch, steer and read surveys in a browser",
@@ -56,7 +56,7 @@ class LazyGroup(click.Group):
         """Import and return a command."""
         if cmd_name not in COMMANDS:
             return None
-        with uncollected():
+        with without_collection():
             module = importlib.import_module(f"grebe.cli.{cmd_name}_command")
         command: click.Command = module.command
         return command
@@ -87,7 +87,7 @@ def _is_interruption(error: BaseException | None) -> bool:
 def main() -> None:
     """Run the command line and exit with the error's own exit code."""
     output.make_streams_safe()
-    heed_signals()
+    handle_signals()
     try:
         grebe.main(standalone_mode=False)
     except GrebeError as error:

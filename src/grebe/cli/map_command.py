@@ -17,9 +17,9 @@ from grebe.core.quantities import BUILTIN
 from grebe.io.store import SurveyFile
 from grebe.mapping.covariance.drift import linear
 from grebe.report.thresholds import read_profile
-from grebe.workflow.collector import no_long_pauses
 from grebe.workflow.files import filled_folder, make_folder
-from grebe.workflow.helpers import Crew
+from grebe.workflow.garbage_collection import no_long_pauses
+from grebe.workflow.helpers import WorkerPool
 from grebe.workflow.maps import (
     NETCDF_NAME,
     change_notes,
@@ -115,12 +115,12 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_jso
         mapped = sum(one.mapped for one in survey_file.quantities.values())
         thresholds = read_profile(asked["profile"], BUILTIN.extended(survey_file.quantities))
         helpers = helpers_for(survey_file, asked["resolution_m"], asked["workers"])
-    with Crew(helpers) as crew:
+    with WorkerPool(helpers) as pool:
         with output.Countdown("quantities", mapped, quiet=as_json) as countdown:
             data = map_survey(
-                file, settings, asked["resolution_m"], countdown.update, asked["every_s"], crew.map
+                file, settings, asked["resolution_m"], countdown.update, asked["every_s"], pool.map
             )
-        written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"], crew.map)
+        written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"], pool.map)
     for text in data.left_out:
         output.note(f"left out: {text}")
     for text in change_notes(data.maps):

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Self, TextIO, cast
 
 import click
 
-from grebe.cli.unwatched import LAST_WORDS_S, Unwatched
+from grebe.cli.stalled_stream import LAST_WORDS_S, StalledStream
 
 if TYPE_CHECKING:
-    from grebe.mission.telling.statistics import Progress as MissionProgress
+    from grebe.mission.events.statistics import Progress as MissionProgress
 
 TIP = "Next: "
 # Longest time between two progress lines when stderr is no terminal [s].
@@ -34,7 +34,7 @@ def make_streams_safe() -> None:
             os.open(os.devnull, os.O_RDWR)
     sys.stdout = sys.stdout or os.fdopen(1, "w", encoding="utf-8", closefd=False)
     error = sys.stderr or os.fdopen(2, "w", encoding="utf-8", closefd=False)
-    sys.stderr = cast("TextIO", Unwatched(error))
+    sys.stderr = cast("TextIO", StalledStream(error))
 
 
 def give_up_stdout() -> None:
@@ -49,7 +49,7 @@ def give_up_stdout() -> None:
 
 def last_words() -> None:
     """Write out pending messages before the process is killed."""
-    if isinstance(sys.stderr, Unwatched):
+    if isinstance(sys.stderr, StalledStream):
         sys.stderr.drain(LAST_WORDS_S)
 
 

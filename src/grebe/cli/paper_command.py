@@ -119,10 +119,10 @@ def _claimed(
     from grebe.paper import claim, drawings
     from grebe.report.canvas import save
 
-    sampled = claim.ways(hand)
+    sampled = claim.samplings(hand)
     for one in sampled:
         output.note(
-            f"{one.way}: {len(one.positions)} samples, {one.length_m:.0f} m, "
+            f"{one.method}: {len(one.positions)} samples, {one.length_m:.0f} m, "
             f"{one.duration_s / 60:.1f} min"
         )
     with output.Countdown("waters", seeds, quiet=quiet) as countdown:
@@ -133,7 +133,7 @@ def _claimed(
         click.echo(f"claim: {picture}")
         for row in rows:
             click.echo(
-                f"  {row['quantity']:<22}{row['way']:<24} rmse {row['rmse']:.4g}  largest error "
+                f"  {row['quantity']:<22}{row['method']:<24} rmse {row['rmse']:.4g}  largest error "
                 f"{row['largest']:.4g}  unsure {row['unsure']:.0%}  within 95 % "
                 f"{row['coverage95']:.0%}  better in {row['better_share']:.0%} of the waters"
             )

@@ -25,7 +25,7 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS, Vessel
 from grebe.planning.planned import Planned, PlannedSorties
-from grebe.workflow.collector import uncollected
+from grebe.workflow.garbage_collection import without_collection
 from grebe.workflow.plans import (
     plan_region,
     plan_warnings,
@@ -154,7 +154,7 @@ DEFAULT_MARGIN_M = 1.0
 @options.quantities_option
 @options.force_option
 @options.json_option
-@uncollected()
+@without_collection()
 def command(
     region: Path,
     path: Path,

@@ -17,8 +17,8 @@ from grebe.report.page import write_report
 from grebe.report.pdf import print_pdf
 from grebe.report.texts import LANGUAGES
 from grebe.report.thresholds import read_profile
-from grebe.workflow.collector import no_long_pauses
-from grebe.workflow.helpers import Crew
+from grebe.workflow.garbage_collection import no_long_pauses
+from grebe.workflow.helpers import WorkerPool
 from grebe.workflow.maps import helpers_for
 
 
@@ -65,11 +65,11 @@ def command(
     with SurveyFile.open(file) as survey_file:
         thresholds = read_profile(profile, BUILTIN.extended(survey_file.quantities))
         settings = map_settings(asked, survey_file.survey)
-        with Crew(helpers_for(survey_file, asked["resolution_m"])) as crew:
+        with WorkerPool(helpers_for(survey_file, asked["resolution_m"])) as pool:
             data = gather(
-                survey_file, asked["resolution_m"], settings, None, asked["every_s"], crew.map
+                survey_file, asked["resolution_m"], settings, None, asked["every_s"], pool.map
             )
-            write_report(path, data, thresholds, language, crew.map)
+            write_report(path, data, thresholds, language, pool.map)
     printed: dict[str, str] = {}
     if pdf:
         print_pdf(path, path.with_suffix(".pdf"))

@@ -16,7 +16,7 @@ from click.core import ParameterSource
 from grebe.cli import options, output
 from grebe.cli.adaptive_options import adaptive_options, onward_of, wish_of
 from grebe.cli.fleet_run import explain, fleet_numbers, next_command, run_fleet
-from grebe.cli.interruption import heed_mission, ignore_hangup
+from grebe.cli.interruption import handle_signals_for, ignore_hangup
 from grebe.cli.live_view import live_view
 from grebe.cli.rule_options import refuse_foreign, rule_of, rule_options
 from grebe.cli.run_preview import say_spent, say_which, show_preview
@@ -30,13 +30,13 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.survey import Survey
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.store import SurveyFile
-from grebe.links.instruments.instrument import Bench
+from grebe.links.instruments.instrument import InstrumentSet
+from grebe.mission.consumption import NOTHING, Consumption
 from grebe.mission.departure import prepare
+from grebe.mission.events.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import NOTHING, Spent
-from grebe.mission.telling.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (
@@ -147,11 +147,11 @@ def command(
     own = user_quantities(run.pop("quantities_file"), file)
     with (
         _claimed(file, instruments, sortie) as survey_file,
-        instruments_at(instruments, BUILTIN.extended(own)) as benches,
+        instruments_at(instruments, BUILTIN.extended(own)) as instrument_sets,
         output.MissionBar(quiet=as_json) as bar,
     ):
-        refuse_unopened(benches.values())
-        _declare(survey_file, own, benches)
+        refuse_unopened(instrument_sets.values())
+        _declare(survey_file, own, instrument_sets)
         run = _as_before(ctx, run, survey_file.meta().get("run", "{}") if goes_on else "{}")
         run["fresh"] = _typed(ctx, "battery_wh")
         fleet = survey_file.survey.fleet if sortie is None else None
@@ -160,13 +160,13 @@ def command(
         _keep(run, survey_file)
         if fleet is not None:
             _sail_fleet(
-                survey_file, urls, run, now, bar, benches, live,
+                survey_file, urls, run, now, bar, instrument_sets, live,
                 resume=resume, force=force, as_json=as_json,
             )  # fmt: skip
             return
         report = _run(
             survey_file, _only(urls), run, now, bar, live,
-            resume=goes_on, force=force, sortie=sortie, instruments=of_one_boat(benches),
+            resume=goes_on, force=force, sortie=sortie, instruments=of_one_boat(instrument_sets),
         )  # fmt: skip
         file, ahead = survey_file.path, _what_follows(survey_file)
         moved = survey_file.count("track") > 0 and report.reached > before
@@ -225,14 +225,16 @@ def _judge(
         instrument_named(boat_and_instrument(one)[1])
 
 
-def _declare(survey_file: SurveyFile, own: Quantities, benches: Mapping[int | None, Bench]) -> None:
+def _declare(
+    survey_file: SurveyFile, own: Quantities, instrument_sets: Mapping[int | None, InstrumentSet]
+) -> None:
     """Add a column to the file for each quantity that will be measured."""
     if own:
         survey_file.claim()
         survey_file.declare(own)
-    for bench in benches.values():
+    for instrument_set in instrument_sets.values():
         survey_file.claim()
-        declare_quantities(survey_file, bench, BUILTIN.extended(own))
+        declare_quantities(survey_file, instrument_set, BUILTIN.extended(own))
 
 
 def _run(
@@ -255,18 +257,18 @@ def _run(
     boat_at = boat_named(url, Harbour(world=world, confirm=output.confirmation(yes=run["yes"])))
     closures = _closures_of(run, survey_file)
     onward = onward_of(run, survey_file, force=how["force"])
-    with live_view(survey_file, wanted=live) as ears:
+    with live_view(survey_file, wanted=live) as mission_socket:
 
         def ready(mission: Mission) -> None:
-            heed_mission(mission)
-            if ears is not None:
-                ears.obeys(mission)
+            handle_signals_for(mission)
+            if mission_socket is not None:
+                mission_socket.attach(mission)
             if closures is not None:
                 closures.begin(mission)
 
         report = run_survey(
             survey_file,
-            boat_at if ears is None else ears.beside(boat_at),
+            boat_at if mission_socket is None else mission_socket.with_status(boat_at),
             steered_by(rule, solver),
             now,
             _settings_for(run, now, departure.survey, departure.spent),
@@ -275,7 +277,7 @@ def _run(
             listeners=[
                 ProgressMeter(bar.update),
                 Alarm(output.note),
-                *([] if ears is None else [ears.hear]),
+                *([] if mission_socket is None else [mission_socket.on_event]),
                 *([] if closures is None else [closures]),
             ],
             on_ready=ready,
@@ -298,7 +300,7 @@ def _sail_fleet(
     run: dict[str, Any],
     now: datetime,
     bar: output.MissionBar,
-    benches: Mapping[int | None, Bench],
+    instrument_sets: Mapping[int | None, InstrumentSet],
     live: bool,
     *,
     resume: bool,
@@ -308,12 +310,12 @@ def _sail_fleet(
     """Sail all boats of a fleet with the options `run`, and print the outcome."""
     settings = _mission_settings(run, now)
     onward = onward_of(run, survey_file, force=force)
-    with live_view(survey_file, wanted=live) as ears:
+    with live_view(survey_file, wanted=live) as mission_socket:
         report = run_fleet(
             survey_file, urls, _settings(run), settings, now, bar,
-            yes=run["yes"], resume=resume, force=force, benches=benches, replans=run["replans"],
-            closures=lambda: _closures_of(run, survey_file), extends=onward, ears=ears,
-            changed=run["changed"],
+            yes=run["yes"], resume=resume, force=force, instrument_sets=instrument_sets,
+            replans=run["replans"], closures=lambda: _closures_of(run, survey_file),
+            extends=onward, mission_socket=mission_socket, changed=run["changed"],
         )  # fmt: skip
     ahead = next_command(report, survey_file.path)
     output.result(fleet_numbers(report), as_json=as_json, next_command=ahead)
@@ -331,7 +333,7 @@ def _mission_settings(run: dict[str, Any], now: datetime) -> MissionSettings:
 
 
 def _settings_for(
-    run: dict[str, Any], now: datetime, survey: Survey, spent: Spent
+    run: dict[str, Any], now: datetime, survey: Survey, spent: Consumption
 ) -> MissionSettings:
     """The settings of one boat that has `spent` part of the plan's energy and time. A battery given
     or changed now starts full and with all of its time.

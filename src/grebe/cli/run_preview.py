@@ -12,7 +12,7 @@ from grebe.cli.rule_options import typed_again
 from grebe.cli.safety_options import safety_of
 from grebe.io.store import SurveyFile
 from grebe.mission.departure import Departure, prepare
-from grebe.workflow.preview import fleet_preview, preview_of, way_home_of
+from grebe.workflow.preview import fleet_preview, preview_of, route_home_of
 
 
 def say_which(departure: Departure, survey_file: SurveyFile) -> None:
@@ -63,7 +63,7 @@ def show_preview(
             return
         departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     if run["returns"]:
-        numbers = way_home_of(departure, safety_of(run, now))
+        numbers = route_home_of(departure, safety_of(run, now))
         ahead = f"grebe run {output.quoted(file)} --return"
         output.result(numbers, as_json=as_json, next_command=ahead)
         return

@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.correction import Correction, as_modelled
-from grebe.control.flown import Flown
 from grebe.control.misfit import DRIFT_AT, WEATHER_AT, misfit, parameters_of
+from grebe.control.motion_record import MotionRecord
 from grebe.control.rollout import pieces_ends
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.motion import parameter_vector
@@ -72,7 +72,7 @@ Found = tuple[Correction, Weather]
 
 
 def fitting(
-    model: Vessel, flown: Flown, followed: Correction, weather: Weather = CALM
+    model: Vessel, record: MotionRecord, followed: Correction, weather: Weather = CALM
 ) -> Generator[None, None, Found | None]:
     """Find the correction that the data require, and the weather with it.
 
@@ -82,7 +82,7 @@ def fitting(
     """
     modelled = as_modelled(model)
     start = _in_weather(model, modelled, weather)
-    problem = _Problem.of(model, flown)
+    problem = _Problem.of(model, record)
     # Noise lowers the weight of errors, so this is their largest possible cost.
     if problem is None or problem.cost(start) < LEAST_GAIN:
         return None
@@ -104,9 +104,9 @@ def fitting(
             return None
         starts = [(kept, followed.dead_s)]
     for begin, dead_s in starts:
-        numbers, its_cost = yield from problem.solve(_with_dead_time(begin, dead_s), ALL)
-        if its_cost < cost:
-            best, cost = numbers, its_cost
+        numbers, new_cost = yield from problem.solve(_with_dead_time(begin, dead_s), ALL)
+        if new_cost < cost:
+            best, cost = numbers, new_cost
         if problem.is_better(plain_cost, cost):
             break
     if problem.is_better(plain_cost, cost) and problem.is_better(kept_cost, cost):
@@ -115,9 +115,9 @@ def fitting(
     return (modelled, _weather(model, plain)) if kept_cost > plain_cost else None
 
 
-def fitted(model: Vessel, flown: Flown, followed: Correction | None = None) -> Found | None:
+def fitted(model: Vessel, record: MotionRecord, followed: Correction | None = None) -> Found | None:
     """Find the correction at once; see `fitting`."""
-    work = fitting(model, flown, followed or as_modelled(model))
+    work = fitting(model, record, followed or as_modelled(model))
     while True:
         try:
             next(work)
@@ -134,22 +134,22 @@ class _Problem:
     """
 
     model: Vessel
-    flown: Flown
+    record: MotionRecord
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     about: Array | None = None
-    acted: dict[tuple[float, float], Array] = field(default_factory=dict)
+    thrust_cache: dict[tuple[float, float], Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, model: Vessel, flown: Flown) -> _Problem | None:
+    def of(cls, model: Vessel, record: MotionRecord) -> _Problem | None:
         """Cut the data into pieces; None if there are too few."""
-        edges = np.arange(flown.times[0], flown.times[-1], PIECE_S)
-        cuts = np.unique(np.searchsorted(flown.times, edges))
+        edges = np.arange(record.times[0], record.times[-1], PIECE_S)
+        cuts = np.unique(np.searchsorted(record.times, edges))
         first, last = cuts[:-1], cuts[1:]
-        whole = flown.times[last] - flown.times[first] < 2 * PIECE_S
+        whole = record.times[last] - record.times[first] < 2 * PIECE_S
         if whole.sum() < FEWEST_PIECES:
             return None
-        return cls(model=model, flown=flown, first=first[whole], last=last[whole])
+        return cls(model=model, record=record, first=first[whole], last=last[whole])
 
     def is_better(self, plain_cost: float, cost: float) -> bool:
         """Whether a boat unlike its model explains far more than weather alone does.
@@ -159,7 +159,7 @@ class _Problem:
         unit = 2 * cost / max(1, 6 * len(self.first) - COUNT)
         if unit > MOST_LEFT:
             return False
-        least = LEAST_GAIN * max(1.0, unit) * self.doubt
+        least = LEAST_GAIN * max(1.0, unit) * self.noise_factor
         return plain_cost - cost > max(least, LEAST_SHARE * plain_cost)
 
     @cached_property
@@ -176,10 +176,10 @@ class _Problem:
     def _thrusts(self, numbers: Array) -> Array:
         """Mean thrusts between states, cached because most parameters do not change the delays."""
         dead_s, lag_s = numbers[6:8].tolist()
-        if (dead_s, lag_s) not in self.acted:
-            self.acted.clear()
-            self.acted[dead_s, lag_s] = self.flown.thrusts(dead_s, lag_s)
-        return self.acted[dead_s, lag_s]
+        if (dead_s, lag_s) not in self.thrust_cache:
+            self.thrust_cache.clear()
+            self.thrust_cache[dead_s, lag_s] = self.record.thrusts(dead_s, lag_s)
+        return self.thrust_cache[dead_s, lag_s]
 
     @cached_property
     def per_second(self) -> float:
@@ -187,7 +187,7 @@ class _Problem:
         return STEPS_PER_RATE * self.model.fastest_rate_hz
 
     @cached_property
-    def believed(self) -> Array:
+    def prior_mean(self) -> Array:
         """Parameters of a boat that behaves as its model: the prior's mean."""
         return _numbers(as_modelled(self.model))
 
@@ -203,7 +203,7 @@ class _Problem:
         count = (len(self.first), 1, 1)
         if self.about is None:
             return np.tile(np.diag(END_SD**2), count)
-        states, noise = self.flown.states, self.flown.noise_sd
+        states, noise = self.record.states, self.record.noise_sd
         plain = self._ends(self.about, states)
         covariances = np.tile(np.diag(END_SD**2 + noise**2), count)
         for i in range(6):
@@ -220,7 +220,7 @@ class _Problem:
         return whole.astype(np.float64, copy=False)
 
     @cached_property
-    def doubt(self) -> float:
+    def noise_factor(self) -> float:
         """Factor on the gain that a correction needs if estimates are noisy; 1 without noise.
 
         The helm responds to their errors, and the boat then looks like one with other parameters.
@@ -231,8 +231,8 @@ class _Problem:
     def residuals(self, numbers: Array) -> Array:
         """Errors at the pieces' ends in standard deviations, then the deviations from the prior."""
         return misfit(
-            numbers, self.believed, PRIOR_SD, self.boat, self.units, self.flown.times,
-            self.flown.states, self._thrusts(numbers), self.first, self.last, self.per_second,
+            numbers, self.prior_mean, PRIOR_SD, self.boat, self.units, self.record.times,
+            self.record.states, self._thrusts(numbers), self.first, self.last, self.per_second,
             self.whiteners,
         )  # fmt: skip
 
@@ -243,7 +243,7 @@ class _Problem:
     def _ends(self, numbers: Array, states: Array) -> Array:
         """Ends (pieces, 6) of the pieces that begin at some states."""
         return pieces_ends(
-            parameters_of(numbers, self.boat, self.units), numbers[DRIFT], self.flown.times,
+            parameters_of(numbers, self.boat, self.units), numbers[DRIFT], self.record.times,
             states, self._thrusts(numbers), np.exp(numbers[:2]), self.first, self.last,
             self.per_second,
         )  # fmt: skip
@@ -262,34 +262,34 @@ class _Problem:
         for _ in range(WEATHER_ITERATIONS if free is WEATHER else ITERATIONS):
             if cost < enough:
                 break
-            slopes = yield from self._slopes(numbers, residuals, which)
-            tried = numbers.copy()
-            tried[which] += _step(slopes, residuals, numbers[which], damping, which)
-            tried = np.clip(tried, LOW, HIGH)
-            there = self.residuals(tried)
+            jacobian = yield from self._jacobian(numbers, residuals, which)
+            candidate = numbers.copy()
+            candidate[which] += _step(jacobian, residuals, numbers[which], damping, which)
+            candidate = np.clip(candidate, LOW, HIGH)
+            new_residuals = self.residuals(candidate)
             yield
-            its_cost = _cost(there)
-            if not its_cost < cost:
+            new_cost = _cost(new_residuals)
+            if not new_cost < cost:
                 damping *= 10
                 continue
-            done = cost - its_cost < 1e-3 * cost
-            numbers, residuals, cost = tried, there, its_cost
+            done = cost - new_cost < 1e-3 * cost
+            numbers, residuals, cost = candidate, new_residuals, new_cost
             damping = max(damping / 10, 1e-6)
             if done:
                 break
         return numbers, cost
 
-    def _slopes(
+    def _jacobian(
         self, numbers: Array, residuals: Array, which: NDArray[np.int64]
     ) -> Generator[None, None, Array]:
-        slopes = np.empty((len(residuals), len(which)))
+        jacobian = np.empty((len(residuals), len(which)))
         for column, i in enumerate(which):
             moved = numbers.copy()
             probe = PROBE[i] if numbers[i] + PROBE[i] <= HIGH[i] else -PROBE[i]
             moved[i] += probe
-            slopes[:, column] = (self.residuals(moved) - residuals) / probe
+            jacobian[:, column] = (self.residuals(moved) - residuals) / probe
             yield
-        return slopes
+        return jacobian
 
 
 def _cost(residuals: Array) -> float:
@@ -298,14 +298,14 @@ def _cost(residuals: Array) -> float:
 
 
 def _step(
-    slopes: Array, residuals: Array, numbers: Array, damping: float, which: NDArray[np.int64]
+    jacobian: Array, residuals: Array, numbers: Array, damping: float, which: NDArray[np.int64]
 ) -> Array:
     """A damped Gauss-Newton step (k,) of some parameters (k,), `which` of all.
 
     A parameter that would leave its bound stays there, and the others step without it: a lag and a
     dead time look alike if both are short, and neither can be negative.
     """
-    normal, downhill = slopes.T @ slopes, -slopes.T @ residuals
+    normal, downhill = jacobian.T @ jacobian, -jacobian.T @ residuals
     normal = normal + damping * np.diag(np.diag(normal) + 1e-9)
     moves = np.ones(len(numbers), dtype=bool)
     step = np.zeros(len(numbers))

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from grebe.control.apart import MOST_OTHERS, Announced, is_taken, keep_apart
 from grebe.control.horizon import HorizonShape, Plan, rows_needed
 from grebe.control.rules.base import (
     Decision,
@@ -27,6 +26,7 @@ from grebe.control.rules.base import (
     reached_count,
 )
 from grebe.control.rules.lookahead import Lookahead
+from grebe.control.separation import MOST_OTHERS, AnnouncedPath, is_taken, keep_apart
 from grebe.control.slow_thrusters import SlowThrusters
 from grebe.control.solvers.base import Solution, Solver, SolverBuilder, Status
 from grebe.control.solvers.builders import Fast, Ipopt
@@ -193,7 +193,7 @@ class Controller:
         self._decision: Decision | None = None
         self._unsolved_in_a_row = 0
         self._thrusters: SlowThrusters | None = None
-        self._others: tuple[Sequence[Announced], float] = ((), 0.0)
+        self._others: tuple[Sequence[AnnouncedPath], float] = ((), 0.0)
 
     @property
     def step_s(self) -> float:
@@ -210,7 +210,7 @@ class Controller:
         """Plan the next step for thrusters with a lag, or without if None."""
         self._thrusters = thrusters
 
-    def heed(self, others: Sequence[Announced], apart_m: float) -> None:
+    def heed(self, others: Sequence[AnnouncedPath], apart_m: float) -> None:
         """Keep `apart_m` from the announced positions of others in the next step's plan."""
         self._others = (others, apart_m)
         if others and not self.shape.apart_rows:

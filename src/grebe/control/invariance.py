@@ -180,13 +180,13 @@ class SetCheck:
     def _sensitivity(self, state: Array, thrusts: Array) -> float:
         """Largest stretch of (x, y, u) at the end of the step per newton of thrust."""
         evaluations = 4 * self._substeps
-        after, slopes = np.empty(6), np.empty((6, 8))
+        after, jacobian = np.empty(6), np.empty((6, 8))
         linearise(
-            self._parameters, state, thrusts, self.step_s, self._substeps, after, slopes,
+            self._parameters, state, thrusts, self.step_s, self._substeps, after, jacobian,
             np.empty((evaluations, 4, 8)), np.empty((evaluations, 4)),
             np.empty((evaluations, 6, 8)),
         )  # fmt: skip
-        return float(np.linalg.norm(slopes[[0, 1, 3], 4:6], 2))
+        return float(np.linalg.norm(jacobian[[0, 1, 3], 4:6], 2))
 
     def _outward_states(self) -> Array:
         """States in the middle of each side, heading straight out, at both ends of the window."""

@@ -45,13 +45,13 @@ def parameters_of(numbers, boat, units):
 
 @machine_code
 def misfit(
-    numbers, believed, prior_sd, boat, units, times, states, thrusts, first, last, per_second,
+    numbers, prior_mean, prior_sd, boat, units, times, states, thrusts, first, last, per_second,
     whiteners,
 ):  # fmt: skip
     """Residuals (6 k + 15,) of the pieces `first` to `last`, and of the prior.
 
     The errors at the pieces' ends are made independent and of unit variance by the lower triangles
-    `whiteners` (k, 6, 6). The last 15 residuals are the deviations of `numbers` from `believed`.
+    `whiteners` (k, 6, 6). The last 15 residuals are the deviations of `numbers` from `prior_mean`.
     All are pseudo-Huber residuals, so that a single one, from an estimate that jumps, does not
     decide. `thrusts` (n - 1, 2) would act between `states` (n, 6) if thrusters gave their orders.
     """
@@ -71,7 +71,7 @@ def misfit(
                 out[6 * k + i] += whiteners[k, i, j] * (z[j] - end[j])
     pulls = 6 * len(first)
     for i in range(len(numbers)):
-        out[pulls + i] = (numbers[i] - believed[i]) / prior_sd[i]
+        out[pulls + i] = (numbers[i] - prior_mean[i]) / prior_sd[i]
     for i in range(len(out)):
         share = out[i] / ROBUST
         size = ROBUST * np.sqrt(2.0 * (np.sqrt(1.0 + share * share) - 1.0))

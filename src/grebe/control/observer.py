@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.copies import put
+from grebe.core.copies import copy_vector
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.kernels import machine_code
 from grebe.core.motion import advance, parameter_vector
@@ -119,25 +119,25 @@ def weather_of(vector: NDArray[np.float64]) -> Weather:
 
 
 @machine_code
-def _correct(change, covariance, slopes, surprise):
+def _correct(change, covariance, gradient, innovation):
     """Apply one measurement of a Kalman filter to `change` (4,) and `covariance`, in place.
 
-    `change` is the change of the estimate so far. `surprise` is the difference between the
-    measurement and its prediction without any change, `slopes` (4,) the prediction's derivatives.
+    `change` is the change of the estimate so far. `innovation` is the difference between the
+    measurement and its prediction without any change, `gradient` (4,) the prediction's derivatives.
     """
-    spread = np.zeros(4)
+    cross = np.zeros(4)
     # Both ends of the pair are measured, so their errors add up.
     variance = 2 * VELOCITY_SD**2
     for i in range(4):
         for j in range(4):
-            spread[i] += covariance[i, j] * slopes[j]
+            cross[i] += covariance[i, j] * gradient[j]
     for i in range(4):
-        variance += slopes[i] * spread[i]
-        surprise -= slopes[i] * change[i]
+        variance += gradient[i] * cross[i]
+        innovation -= gradient[i] * change[i]
     for i in range(4):
-        change[i] += spread[i] * surprise / variance
+        change[i] += cross[i] * innovation / variance
         for j in range(4):
-            covariance[i, j] -= spread[i] * spread[j] / variance
+            covariance[i, j] -= cross[i] * cross[j] / variance
 
 
 @machine_code
@@ -149,14 +149,14 @@ def _velocities(boat, weather, probe, state, thrusts, duration, substeps):
     p = np.empty(len(boat) + 4)
     out = np.empty(6)
     velocities, jacobian = np.empty(2), np.empty((2, 4))
-    put(p[: len(boat)], boat)
+    copy_vector(p[: len(boat)], boat)
     for i in range(-1, 4):
-        put(p[len(boat) :], weather)
+        copy_vector(p[len(boat) :], weather)
         if i >= 0:
             p[len(boat) + i] += probe[i]
         advance(p, state, thrusts, duration, substeps, out)
         if i < 0:
-            put(velocities, out[3:5])
+            copy_vector(velocities, out[3:5])
         else:
             for j in range(2):
                 jacobian[j, i] = (out[3 + j] - velocities[j]) / probe[i]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.core.copies import put
+from grebe.core.copies import copy_vector
 from grebe.core.kernels import machine_code, part_of_kernels
 from grebe.core.motion import CE, CN, advance
 
@@ -48,7 +48,7 @@ def piece_end(p, drift, times, z, thrusts, shares, first, last, per_second):
         substeps = max(1, int(np.ceil(duration * per_second - 1e-6)))
         given[0], given[1] = shares[0] * thrusts[i, 0], shares[1] * thrusts[i, 1]
         advance(q, z, given, duration, substeps, end)
-        put(z, end)
+        copy_vector(z, end)
 
 
 @machine_code
@@ -56,6 +56,6 @@ def pieces_ends(p, drift, times, states, thrusts, shares, first, last, per_secon
     """Ends (k, 6) of the pieces that begin at `states[first]`; see `piece_end`."""
     ends = np.empty((len(first), 6))
     for k in range(len(first)):
-        put(ends[k], states[first[k]])
+        copy_vector(ends[k], states[first[k]])
         piece_end(p, drift, times, ends[k], thrusts, shares, first[k], last[k], per_second)
     return ends

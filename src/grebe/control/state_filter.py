@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.control.observer import Observer, weather_of
-from grebe.core.copies import put, put_rows
+from grebe.core.copies import copy_matrix, copy_vector
 from grebe.core.dynamics import Weather
 from grebe.core.events import State
 from grebe.core.kernels import machine_code, part_of_kernels
@@ -44,23 +44,23 @@ if TYPE_CHECKING:
 MEMORY_S, LEAST_S = 15.0, 4.0
 # Standard deviations below which noise is ignored: position [m], heading [rad], velocities [m/s]
 # and yaw rate [rad/s]; and the least noise assumed of a state if any other is noisy.
-NOTHING = np.array([0.01, 0.01, 0.005, 0.005, 0.005, 0.005])
-LEAST = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
+NEGLIGIBLE_SD = np.array([0.01, 0.01, 0.005, 0.005, 0.005, 0.005])
+LEAST_SD = np.array([1e-3, 1e-3, 5e-4, 1e-3, 1e-3, 1e-3])
 # The model's variance from one estimate to the next is at least this share of the noise's.
 # Otherwise estimates would count for nothing, and velocities that are measured a little too large
 # would carry the position away.
 LEAST_SHARE = 0.02
-# Random error of a variance over half a minute, as a share of the noise in a surprise. It is not
+# Random error of a variance over half a minute, as a share of the noise in an innovation. It is not
 # attributed to the model, whose lasting errors count as weather.
-CHANCE = 0.25
-# Standard deviations beyond which a surprise is an outlier: it is clipped when the noise is
+VARIANCE_ERROR = 0.25
+# Standard deviations beyond which an innovation is an outlier: it is clipped when the noise is
 # learned, and the filter starts again.
-WILD = 5.0
+OUTLIER_SD = 5.0
 # Least share of the noise assumed to remain in the next prediction; none does in a hull that stops
 # at once.
 LEAST_LEFT = 0.3
 PROBE = 1e-5
-# Rows of `surprises`: the last, the mean square, and the mean product of successive ones.
+# Rows of `innovations`: the last, the mean square, and the mean product of successive ones.
 LAST, SQUARE, PRODUCT = 0, 1, 2
 # Elements of the belief: the boat's state, then d = (c_n, c_e, f_n, f_e).
 STATE, BELIEF = 6, 10
@@ -76,16 +76,16 @@ class StateFilter:
     def __init__(self) -> None:
         self.variances = np.zeros(6)
         self.weather: Weather | None = None
-        self._surprises = np.zeros((3, 6))
+        self._innovations = np.zeros((3, 6))
         self._belief, self._covariance = np.zeros(BELIEF), np.zeros((BELIEF, BELIEF))
         self._seconds = 0.0
-        self._follows = False
+        self._is_running = False
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Start again from the next estimate, after a gap; the learned noise is kept."""
-        self._follows, self.weather = False, None
+        self._is_running, self.weather = False, None
 
-    def see(
+    def update(
         self,
         parameters: Array,
         before: State,
@@ -104,37 +104,43 @@ class StateFilter:
         share = max(1.0 - math.exp(-seconds / MEMORY_S), seconds / (self._seconds + seconds))
         self._seconds += seconds
         known = self._seconds >= LEAST_S
-        noisy = _learn(parameters, np.array(before), *pair, share, known, self._surprises)
+        noisy = _update_innovations(
+            parameters, np.array(before), *pair, share, known, self._innovations
+        )
         if not (known and noisy):
             self.variances[:] = 0.0
-            self.forget()
+            self.reset()
             return
-        if not self._follows:
+        if not self._is_running:
             self._start(before, observer)
         walk = observer.walk
-        self._follows = _weigh(
-            parameters, self._belief, self._covariance, *pair, self._surprises, self.variances,
+        self._is_running = _filter_step(
+            parameters, self._belief, self._covariance, *pair, self._innovations, self.variances,
             walk.drift, walk.probe, walk.limit,
         )  # fmt: skip
-        self.weather = weather_of(self._belief[STATE:]) if self._follows else None
+        self.weather = weather_of(self._belief[STATE:]) if self._is_running else None
 
     def _start(self, estimate: State, observer: Observer) -> None:
         self._belief[:STATE], self._belief[STATE:] = estimate, observer.weather.as_tuple()
         self._covariance[:] = 0.0
-        self._covariance[:STATE, :STATE] = np.diag(np.maximum(-self._surprises[PRODUCT], LEAST**2))
+        self._covariance[:STATE, :STATE] = np.diag(
+            np.maximum(-self._innovations[PRODUCT], LEAST_SD**2)
+        )
         self._covariance[STATE:, STATE:] = observer.covariance
 
     def filtered(self, state: State) -> State:
         """Return the filtered state at the last estimate, or `state` if nothing is filtered."""
-        if not self._follows:
+        if not self._is_running:
             return state
         north, east, heading, surge, sway, yaw_rate = self._belief[:STATE].tolist()
         return north, east, heading, surge, sway, yaw_rate
 
 
 @machine_code
-def _learn(parameters, before, thrusts, after, seconds, substeps, share, known, surprises):
-    """Add the surprise of an estimate to the means `surprises` (3, 6) with weight `share`.
+def _update_innovations(
+    parameters, before, thrusts, after, seconds, substeps, share, known, innovations
+):
+    """Add the innovation of an estimate to the means `innovations` (3, 6) with weight `share`.
 
     Outliers are clipped once the means are `known`. Returns whether they show noise.
     """
@@ -145,18 +151,18 @@ def _learn(parameters, before, thrusts, after, seconds, substeps, share, known, 
         if not np.isfinite(now):
             now = 0.0
         if known:
-            most = max(WILD * np.sqrt(surprises[SQUARE, i]), LEAST[i])
+            most = max(OUTLIER_SD * np.sqrt(innovations[SQUARE, i]), LEAST_SD[i])
             now = min(max(now, -most), most)
-        surprises[SQUARE, i] += share * (now * now - surprises[SQUARE, i])
-        surprises[PRODUCT, i] += share * (now * surprises[LAST, i] - surprises[PRODUCT, i])
-        surprises[LAST, i] = now
-        noisy = noisy or -surprises[PRODUCT, i] > NOTHING[i] ** 2
+        innovations[SQUARE, i] += share * (now * now - innovations[SQUARE, i])
+        innovations[PRODUCT, i] += share * (now * innovations[LAST, i] - innovations[PRODUCT, i])
+        innovations[LAST, i] = now
+        noisy = noisy or -innovations[PRODUCT, i] > NEGLIGIBLE_SD[i] ** 2
     return noisy
 
 
 @machine_code
-def _weigh(
-    parameters, belief, covariance, thrusts, after, seconds, substeps, surprises, variances,
+def _filter_step(
+    parameters, belief, covariance, thrusts, after, seconds, substeps, innovations, variances,
     drift, probe, limit,
 ):  # fmt: skip
     """One step of the filter; returns False, and corrects nothing, if it has to start again: after
@@ -165,50 +171,50 @@ def _weigh(
     Updates `belief` (10,), `covariance` (10, 10) and the noise's `variances` (6,) in place. The
     weather's random walk has the variances `drift` (4,) in a second; `limit` (4,) bounds it.
     """
-    predicted, slopes = np.empty(BELIEF), np.zeros((BELIEF, BELIEF))
-    _predict(parameters, belief, thrusts, seconds, substeps, probe, predicted, slopes)
+    predicted, jacobian = np.empty(BELIEF), np.zeros((BELIEF, BELIEF))
+    _predict(parameters, belief, thrusts, seconds, substeps, probe, predicted, jacobian)
     for i in range(STATE):
-        left = max(slopes[i, i], LEAST_LEFT)
-        variances[i] = max(-surprises[PRODUCT, i] / left, LEAST[i] ** 2)
-    passed = _carried(slopes, covariance)
+        left = max(jacobian[i, i], LEAST_LEFT)
+        variances[i] = max(-innovations[PRODUCT, i] / left, LEAST_SD[i] ** 2)
+    prior = _propagated(jacobian, covariance)
     for i in range(STATE):
         of_noise = variances[i]
         for j in range(STATE):
-            of_noise += slopes[i, j] * slopes[i, j] * variances[j]
-        model = surprises[SQUARE, i] - (1.0 + CHANCE) * of_noise
-        passed[i, i] += max(model, LEAST_SHARE * variances[i])
+            of_noise += jacobian[i, j] * jacobian[i, j] * variances[j]
+        model = innovations[SQUARE, i] - (1.0 + VARIANCE_ERROR) * of_noise
+        prior[i, i] += max(model, LEAST_SHARE * variances[i])
     for i in range(STATE, BELIEF):
-        passed[i, i] += seconds * drift[i - STATE]
+        prior[i, i] += seconds * drift[i - STATE]
     for i in range(STATE):
         # Written so that a NaN is an outlier too.
-        if not (after[i] - predicted[i]) ** 2 <= WILD**2 * (passed[i, i] + variances[i]):
+        if not (after[i] - predicted[i]) ** 2 <= OUTLIER_SD**2 * (prior[i, i] + variances[i]):
             return False
-    _correct(predicted, passed, after, variances)
+    _correct(predicted, prior, after, variances)
     for i in range(BELIEF):
-        if not passed[i, i] > 0.0:
+        if not prior[i, i] > 0.0:
             return False
     for i in range(STATE, BELIEF):
         most = limit[i - STATE]
         predicted[i] = min(max(predicted[i], -most), most)
-    put(belief, predicted)
-    put_rows(covariance, passed)
+    copy_vector(belief, predicted)
+    copy_matrix(covariance, prior)
     return True
 
 
 @part_of_kernels
-def _carried(slopes, covariance):
-    """F P F' of `slopes` F and a `covariance` P, (10, 10)."""
+def _propagated(jacobian, covariance):
+    """F P F' of `jacobian` F and a `covariance` P, (10, 10)."""
     half, out = np.zeros((BELIEF, BELIEF)), np.zeros((BELIEF, BELIEF))
     for i in range(BELIEF):
         for j in range(BELIEF):
             for k in range(BELIEF):
-                half[i, j] += slopes[i, k] * covariance[k, j]
+                half[i, j] += jacobian[i, k] * covariance[k, j]
     # One half is a copy of the other. Otherwise their difference, of rounding alone, grows with a
     # hull that is unstable in yaw until variances are negative.
     for i in range(BELIEF):
         for j in range(i + 1):
             for k in range(BELIEF):
-                out[i, j] += half[i, k] * slopes[j, k]
+                out[i, j] += half[i, k] * jacobian[j, k]
             out[j, i] = out[i, j]
     return out
 
@@ -216,31 +222,31 @@ def _carried(slopes, covariance):
 @part_of_kernels
 def _correct(belief, covariance, after, variances):
     """Correct a predicted `belief` (10,) with `covariance` (10, 10) by an estimate, in place."""
-    spread = np.empty(BELIEF)
+    cross = np.empty(BELIEF)
     # One measurement after the other, because their errors are independent.
     for k in range(STATE):
-        surprise, variance = after[k] - belief[k], covariance[k, k] + variances[k]
+        innovation, variance = after[k] - belief[k], covariance[k, k] + variances[k]
         for i in range(BELIEF):
-            spread[i] = covariance[i, k]
+            cross[i] = covariance[i, k]
         for i in range(BELIEF):
-            belief[i] += spread[i] / variance * surprise
+            belief[i] += cross[i] / variance * innovation
             for j in range(BELIEF):
-                covariance[i, j] -= spread[i] * spread[j] / variance
+                covariance[i, j] -= cross[i] * cross[j] / variance
 
 
 @part_of_kernels
-def _predict(parameters, belief, thrusts, seconds, substeps, probe, predicted, slopes):
+def _predict(parameters, belief, thrusts, seconds, substeps, probe, predicted, jacobian):
     """Predict the belief after some time, and its derivatives (10, 10) by the one before.
 
     The motion does not depend on the position, and the weather is predicted to stay.
     """
     p, moved, end = parameters.copy(), belief.copy(), np.empty(STATE)
     weather = p[-4:]
-    put(weather, belief[STATE:])
-    put(predicted, belief)
+    copy_vector(weather, belief[STATE:])
+    copy_vector(predicted, belief)
     advance(p, belief, thrusts, seconds, substeps, predicted)
     for j in range(BELIEF):
-        slopes[j, j] = 1.0
+        jacobian[j, j] = 1.0
     for j in range(2, BELIEF):
         step = PROBE if j < STATE else probe[j - STATE]
         if j < STATE:
@@ -252,4 +258,4 @@ def _predict(parameters, belief, thrusts, seconds, substeps, probe, predicted, s
         if j >= STATE:
             weather[j - STATE] = belief[j]
         for i in range(STATE):
-            slopes[i, j] = (end[i] - predicted[i]) / step
+            jacobian[i, j] = (end[i] - predicted[i]) / step

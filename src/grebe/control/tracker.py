@@ -18,7 +18,7 @@ import numpy as np
 
 from grebe.control.adaptation import EVERY_S, LEAST_S, WINDOW_S, Found, fitting
 from grebe.control.correction import AS_MODELLED, LEAST_LAG_S, as_modelled, moved_enough, turned
-from grebe.control.flown import Flown
+from grebe.control.motion_record import MotionRecord
 from grebe.control.observer import Observer
 from grebe.control.rollout import SUBSTEPS_PER_S
 from grebe.control.slow_thrusters import SlowThrusters
@@ -180,11 +180,11 @@ class Tracker:
             return state
         return _state(turned(np.array([state]), -self.correction.heading_rad)[0])
 
-    def see(self, time_s: float, state: State) -> bool:
+    def update(self, time_s: float, state: State) -> bool:
         """Update from a raw estimate of the state at a time [s]; whether the correction changed."""
         before = self._seen[-1] if self._seen else None
         if before is not None and not 0 < time_s - before[0] <= LONGEST_GAP_S:
-            self._forget()
+            self._reset()
         elif before is not None and self._observer is not None:
             self._observe(before, (time_s, state))
         self._seen.append((time_s, state))
@@ -267,18 +267,18 @@ class Tracker:
             vessel = self.vessel
             per_second = max(SUBSTEPS_PER_S, vessel.fastest_rate_hz)
             substeps = max(2, math.ceil(seconds * per_second))
-            self._filter.see(self._parameters(vessel), *pair, substeps, self._observer)
+            self._filter.update(self._parameters(vessel), *pair, substeps, self._observer)
 
     def _parameters(self, vessel: Vessel) -> Array:
         """Parameters of the equations of motion for a boat in the estimated weather."""
         return parameter_vector(vessel, np.array(self.weather.as_tuple()))
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         """Drop the past after a gap, because it cannot be joined to what follows."""
         self._seen.clear()
         self._work = None
         if self._filter is not None:
-            self._filter.forget()
+            self._filter.reset()
 
     def _advance_work(self, time_s: float) -> bool:
         """Continue the search for a correction; return whether the correction changed."""
@@ -286,7 +286,7 @@ class Tracker:
             full = self._seen[-1][0] - self._seen[0][0] >= LEAST_S
             if full and time_s >= self._next_fit_s and self._orders:
                 self._next_fit_s = time_s + EVERY_S
-                self._work = fitting(self.model, self._flown(), self.correction, self.weather)
+                self._work = fitting(self.model, self._record(), self.correction, self.weather)
             return False
         try:
             for _ in range(WORK_PER_ESTIMATE):
@@ -304,15 +304,15 @@ class Tracker:
             self._observer = Observer(self.vessel, found[1], by_sway=self._holds_motion)
         if self._filter is not None:
             # Its state belongs to another compass error.
-            self._filter.forget()
+            self._filter.reset()
         return True
 
-    def _flown(self) -> Flown:
+    def _record(self) -> MotionRecord:
         times = np.array([time_s for time_s, _ in self._seen])
         last = self._orders[-1]
         held = times[-1] + 1.0 - last.time_s
         end = (last.impulse[0] + held * last.thrusts[0], last.impulse[1] + held * last.thrusts[1])
-        return Flown(
+        return MotionRecord(
             times=times,
             states=np.array([state for _, state in self._seen]),
             order_times=np.array([*(o.time_s for o in self._orders), times[-1] + 1.0]),

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 @inlined_machine_code
-def put(to: Array, of: Array) -> None:
+def copy_vector(to: Array, of: Array) -> None:
     """Copy a vector (n,) into another."""
     for i in range(to.shape[0]):
         to[i] = of[i]
 
 
 @inlined_machine_code
-def put_rows(to: Array, of: Array) -> None:
+def copy_matrix(to: Array, of: Array) -> None:
     """Copy a matrix (n, m) into another."""
     for i in range(to.shape[0]):
         for j in range(to.shape[1]):

@@ -31,13 +31,13 @@ MOST_SWEEPS = 200
 STEADY, ROUGHLY = 1e-3, 1e-2
 
 
-def way_through(survey: Survey) -> NDArray[np.float64]:
+def path_through(survey: Survey) -> NDArray[np.float64]:
     """Return the taut path (n + 1, 2) [m] of a planned survey, from its start on."""
     assert survey.start is not None
-    return taut_way((survey.start.north_m, survey.start.east_m), footprints_of(survey.sets))
+    return taut_path((survey.start.north_m, survey.start.east_m), footprints_of(survey.sets))
 
 
-def taut_way(
+def taut_path(
     start: tuple[float, float],
     footprints: Sequence[shapely.Polygon] | NDArray[np.object_],
     centred: Sequence[bool] | None = None,
@@ -47,10 +47,10 @@ def taut_way(
     It leads through the centroids of the footprints that are `centred`.
     """
     held = np.zeros(len(footprints), dtype=bool) if centred is None else np.array(centred)
-    return TautWays(footprints).through(start, np.arange(len(footprints)), held)
+    return TautPaths(footprints).through(start, np.arange(len(footprints)), held)
 
 
-class TautWays:
+class TautPaths:
     """Taut paths through the same convex footprints in different orders."""
 
     def __init__(self, footprints: Sequence[shapely.Polygon] | NDArray[np.object_]) -> None:
@@ -75,16 +75,16 @@ class TautWays:
         those that are `held`.
         """
         held = np.zeros(len(order), dtype=bool) if held is None else held
-        way = np.vstack([start, self._centroids[order]])
-        moved = steady * float(np.mean(np.hypot(*np.diff(way, axis=0).T)))
+        path = np.vstack([start, self._centroids[order]])
+        moved = steady * float(np.mean(np.hypot(*np.diff(path, axis=0).T)))
         firsts, lasts = self._starts[order], self._starts[order + 1]
-        _tighten(way, firsts, lasts, self._corners, held, moved)
-        return way
+        _tighten(path, firsts, lasts, self._corners, held, moved)
+        return path
 
 
 @machine_code
 def _tighten(
-    way: NDArray[np.float64],
+    path: NDArray[np.float64],
     firsts: NDArray[np.integer],
     lasts: NDArray[np.integer],
     corners: NDArray[np.float64],
@@ -96,37 +96,37 @@ def _tighten(
     Sweeps alternate in direction. The ring of point i + 1 is corners[firsts[i]:lasts[i]], closed
     and anticlockwise.
     """
-    n = way.shape[0]
+    n = path.shape[0]
     for sweep in range(MOST_SWEEPS):
         farthest = 0.0
         for s in range(1, n):
             i = s if sweep % 2 == 0 else n - s
             if held[i - 1]:
                 continue
-            x, y = way[i, 0], way[i, 1]
-            _settle(way, i, corners, firsts[i - 1], lasts[i - 1] - 1)
-            farthest = max(farthest, (way[i, 0] - x) ** 2 + (way[i, 1] - y) ** 2)
+            x, y = path[i, 0], path[i, 1]
+            _move_point(path, i, corners, firsts[i - 1], lasts[i - 1] - 1)
+            farthest = max(farthest, (path[i, 0] - x) ** 2 + (path[i, 1] - y) ** 2)
         if farthest < steady**2:
             break
 
 
 @inlined_machine_code
-def _settle(
-    way: NDArray[np.float64], i: int, ring: NDArray[np.float64], first: int, last: int
+def _move_point(
+    path: NDArray[np.float64], i: int, ring: NDArray[np.float64], first: int, last: int
 ) -> None:
     """Put point i where the path is shortest, inside ring[first : last + 1] or on its edge."""
-    ax, ay = way[i - 1, 0], way[i - 1, 1]
+    ax, ay = path[i - 1, 0], path[i - 1, 1]
     # The last point has no successor: it moves as near to its predecessor as it may.
-    behind = i + 1 if i + 1 < way.shape[0] else i - 1
-    bx, by = way[behind, 0], way[behind, 1]
+    behind = i + 1 if i + 1 < path.shape[0] else i - 1
+    bx, by = path[behind, 0], path[behind, 1]
     enter, leave = crossing(ax, ay, bx, by, ring, first, last, 0.0)
     if enter <= leave:
         # Any point between is as good; take the one half-way from the present one to the middle.
         dx, dy = bx - ax, by - ay
         square = dx * dx + dy * dy
-        along = ((way[i, 0] - ax) * dx + (way[i, 1] - ay) * dy) / square if square > 0 else 0.0
+        along = ((path[i, 0] - ax) * dx + (path[i, 1] - ay) * dy) / square if square > 0 else 0.0
         along = min(max(0.5 * along + 0.25, enter), leave)
-        way[i, 0], way[i, 1] = ax + along * dx, ay + along * dy
+        path[i, 0], path[i, 1] = ax + along * dx, ay + along * dy
         return
     shortest = np.inf
     for k in range(first, last):
@@ -134,7 +134,7 @@ def _settle(
         by_it = _length(x - ax, y - ay) + _length(x - bx, y - by)
         if by_it < shortest:
             shortest = by_it
-            way[i, 0], way[i, 1] = x, y
+            path[i, 0], path[i, 1] = x, y
 
 
 @inlined_machine_code

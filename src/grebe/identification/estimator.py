@@ -139,7 +139,7 @@ class Descent:
     def _descend(self, point: _Point, enough: float) -> _Point:
         damping = 1e-3
         for _ in range(STEPS_AT_MOST):
-            of_theta, of_starts = self._slopes(point)
+            of_theta, of_starts = self._jacobians(point)
             while True:
                 new = self._stepped(point, of_theta, of_starts, damping)
                 if new.cost < point.cost:
@@ -154,7 +154,7 @@ class Descent:
                 return point
         return point
 
-    def _slopes(self, point: _Point) -> tuple[Array, Array]:
+    def _jacobians(self, point: _Point) -> tuple[Array, Array]:
         """Derivatives of the predictions, (n, 6, p) in theta and (n, 6, 6) in the starts."""
         theta, starts = point.theta, point.starts
         p, count = len(theta), 1 + len(theta) + 6
@@ -234,7 +234,7 @@ class Descent:
     def _information(self, point: _Point) -> Array:
         """Information (6, p, p) of each channel on theta, with the starts estimated from all."""
         apart = self._point(self._model.with_distinct_lag(point.theta), point.starts)
-        of_theta, of_starts = self._slopes(apart)
+        of_theta, of_starts = self._jacobians(apart)
         p = len(point.theta)
         out = np.zeros((6, p, p))
         for a, b, _ in self._pieces(point, of_theta, of_starts):

@@ -26,8 +26,8 @@ def circle_in(survey: Survey, place: tuple[float, float], radius_m: float | None
         if middles.is_empty:
             continue
         middle = shapely.shortest_line(middles, boat).coords[0]
-        way = shapely.LineString([middle, place])
-        if way.difference(water).length <= ASHORE_M:
+        line = shapely.LineString([middle, place])
+        if line.difference(water).length <= ASHORE_M:
             return Circle(north_m=middle[0], east_m=middle[1], radius_m=radius)
     least = RADII_M[-1] if radius_m is None else radius_m
     raise PlanError(

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from grebe.core.events import State
 from grebe.links.base import BoatLink, Observation, Order
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 
 
 class DriveSink(Protocol):
@@ -23,7 +23,7 @@ class DriveSink(Protocol):
         ...
 
 
-class RecordingLink(PassingLink):
+class RecordingLink(ForwardingLink):
     """Passes everything on, and gives a sink the estimates, as they came, and the orders.
 
     An order has the time of the estimate before it: the time that the helm takes to compute it is

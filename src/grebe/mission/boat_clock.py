@@ -23,8 +23,8 @@ class BoatClock:
         self._last_s: float | None = None
         self._alike = 0
 
-    def see(self, observation: Observation, *, seen_before: bool) -> None:
-        """Check the time of an estimate, usable or not; `seen_before` says whether any was usable.
+    def update(self, observation: Observation, *, had_estimate: bool) -> None:
+        """Check the time of an estimate, usable or not; `had_estimate` says whether any was usable.
 
         Raises `LinkError` if the clock stands still or runs back, because nothing that is planned
         would then ever be due, and `OverError` for a boat that never reports where it is.
@@ -40,7 +40,7 @@ class BoatClock:
                 f"time {now:g} s."
             )
         self._first_s = now if self._first_s is None else self._first_s
-        if not seen_before and now - self._first_s > NEVER_SEEN_S:
+        if not had_estimate and now - self._first_s > NEVER_SEEN_S:
             raise OverError(
                 EndReason.BLIND,
                 f"no estimate of the boat's position came within {NEVER_SEEN_S:g} s",

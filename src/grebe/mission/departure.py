@@ -20,7 +20,7 @@ from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.io.store.tables import TrackEnd
 from grebe.io.store.timestamps import parse_time
-from grebe.mission.spent import AT_HOME, NOTHING, Spent, spent_since_harbour
+from grebe.mission.consumption import AT_HOME, NOTHING, Consumption, consumption_since_harbour
 
 # A resumed mission begins at least this long after everything that is recorded [s].
 AFTER_S = 0.1
@@ -60,7 +60,7 @@ class Departure:
     quantities: Quantities = LIMNOLOGICAL
     doubts: tuple[Doubt, ...] = ()
     sortie: Sortie | None = None
-    spent: Spent = NOTHING
+    spent: Consumption = NOTHING
 
 
 def prepare(
@@ -143,7 +143,7 @@ def _after_all(survey_file: SurveyFile, now: datetime, ends: tuple[TrackEnd, Tra
 
 def _spent_before(
     survey_file: SurveyFile, survey: Survey, sortie: Sortie | None, renews: bool | None
-) -> Spent:
+) -> Consumption:
     """Return what a boat has spent of the battery with which it continues. It is not known whether
     a real boat whose part is unfinished got another battery at the harbour.
     """
@@ -154,7 +154,7 @@ def _spent_before(
     return _spent(survey_file, survey, boat, came_home=home)
 
 
-def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: bool) -> Spent:
+def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: bool) -> Consumption:
     assert survey.vessel is not None
     assert survey.start is not None
     tracks = survey_file.track().each_boat()
@@ -162,10 +162,10 @@ def _spent(survey_file: SurveyFile, survey: Survey, boat: int, *, came_home: boo
     harbour = (survey.start.north_m, survey.start.east_m)
     if track is None:
         return NOTHING
-    return spent_since_harbour(track, survey.vessel, harbour, came_home=came_home)
+    return consumption_since_harbour(track, survey.vessel, harbour, came_home=came_home)
 
 
-def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Spent:
+def _spent_by(survey_file: SurveyFile, survey: Survey, boat: int) -> Consumption:
     """Return what a boat has spent when it takes over another boat's part from where it is. This
     counts from its last time at one of its planned harbours: nobody changes its battery elsewhere.
     """

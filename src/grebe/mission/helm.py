@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
-from grebe.control.apart import Announced
 from grebe.control.controller import Command
+from grebe.control.separation import AnnouncedPath
 from grebe.control.slow_thrusters import SlowThrusters
 from grebe.core.dynamics import Weather
 from grebe.core.errors import UsageError
@@ -59,10 +59,10 @@ class ForeseeingHelm(Protocol):
 
 
 @runtime_checkable
-class HeedingHelm(Protocol):
+class TrafficAwareHelm(Protocol):
     """A helm whose plans can keep a distance from other boats."""
 
-    def heed(self, others: Sequence[Announced], apart_m: float) -> None:
+    def heed(self, others: Sequence[AnnouncedPath], apart_m: float) -> None:
         """Plan the next step at least `apart_m` [m] from the announced positions of the others."""
         ...
 

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 from grebe.core.events import EndReason, Warned
 from grebe.links.base import Observation
+from grebe.mission.estimates import EstimateReader
+from grebe.mission.events.publisher import Publisher
 from grebe.mission.gate import OverError
 from grebe.mission.safety.lookout import Lookout
-from grebe.mission.sight import Sight
-from grebe.mission.telling.announcer import Announcer
 
 
 def launched(
-    sight: Sight,
-    announcer: Announcer,
+    estimates: EstimateReader,
+    publisher: Publisher,
     lookout: Lookout | None,
     asked_to_stop: Callable[[], str],
 ) -> Observation:
@@ -23,7 +23,7 @@ def launched(
     Raises `OverError` if the boat is stopped or called home while it is ashore, or if it can no
     longer set out.
     """
-    observation, said = sight.next(), False
+    observation, said = estimates.next(), False
     while lookout and not lookout.launches((observation.state[0], observation.state[1])):
         if request := asked_to_stop():
             raise OverError(EndReason.STOPPED, request)
@@ -39,8 +39,8 @@ def launched(
                 "another boat is near its harbour: the boat waits ashore until that has left, "
                 "then sets out by itself"
             )
-            announcer.tell(Warned, observation.time_s, code="waits_ashore", message=text)
-            announcer.release()
+            publisher.publish(Warned, observation.time_s, code="waits_ashore", message=text)
+            publisher.release()
             said = True
-        observation = sight.next()
+        observation = estimates.next()
     return observation

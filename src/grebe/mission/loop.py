@@ -40,26 +40,26 @@ from grebe.links.base import (
     Observation,
     as_driven,
 )
+from grebe.mission.checked_link import CheckedLink
+from grebe.mission.consumption import AT_HOME
+from grebe.mission.estimates import EstimateReader
+from grebe.mission.events.publisher import Publisher
+from grebe.mission.events.recorders import Listener, Recorder
+from grebe.mission.events.statistics import MissionReport, Statistics
 from grebe.mission.gate import Gate, OverError
 from grebe.mission.helm import AdaptableHelm, Helm
 from grebe.mission.launching import launched
 from grebe.mission.measuring.readings import Measuring
 from grebe.mission.measuring.sampler import Sampler
-from grebe.mission.patience import patience_s
 from grebe.mission.replanning import Replanner
 from grebe.mission.safety.guard import Guard
 from grebe.mission.safety.lookout import InFleet
 from grebe.mission.safety.memory import Request
+from grebe.mission.safety.route_home import Pilot
 from grebe.mission.safety.states import SafetyState
-from grebe.mission.safety.way_home import Pilot
 from grebe.mission.settings import MissionSettings
-from grebe.mission.sight import Sight
-from grebe.mission.spent import AT_HOME
 from grebe.mission.steering import Steering
-from grebe.mission.sturdy_link import SturdyLink
-from grebe.mission.telling.announcer import Announcer
-from grebe.mission.telling.recorders import Listener, Recorder
-from grebe.mission.telling.statistics import MissionReport, Statistics
+from grebe.mission.time_limits import target_time_limit_s
 
 # The state reported for a mission that never received an estimate.
 NOWHERE: State = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -103,10 +103,10 @@ class Mission:
         self._targets = survey.targets
         self._sets = survey.sets
         driven = as_driven(link)
-        self._link = link = SturdyLink(link)
+        self._link = link = CheckedLink(link)
         self._settings = settings or MissionSettings()
         self._statistics = Statistics(controller.vessel, len(self._targets), reached)
-        self._announcer = Announcer(recorder, [self._statistics, *listeners], started)
+        self._publisher = Publisher(recorder, [self._statistics, *listeners], started)
         self._sampler = Sampler(
             self._targets, link, self._settings.sampling, quantities, instruments
         )
@@ -118,24 +118,24 @@ class Mission:
             survey,
             controller.vessel,
             replace(safety, weaker_share=safety.weaker_share * driven.braking_share),
-            self._announcer.change,
+            self._publisher.publish_safety,
             started,
             pilot,
             self._lookout,
             by_motion=driven.holds_motion,
             waits=replanner is None or replanner.waits,
         )
-        self._measuring = Measuring(self._sampler, self._guard, self._announcer)
+        self._measuring = Measuring(self._sampler, self._guard, self._publisher)
         self._closings: deque[tuple[tuple[shapely.Polygon, ...], str]] = deque()
         # Whether to check at the next estimate that the boat can sail straight to its next target.
-        self._looks_on, self._waits_at = True, (0.0, 0.0)
+        self._checks_leg, self._waits_at = True, (0.0, 0.0)
         self._deadline_s = math.inf
         self._steering = Steering(
-            controller, self._targets, self._gate, self._tracker, self._guard, self._announcer,
+            controller, self._targets, self._gate, self._tracker, self._guard, self._publisher,
             stopwatch, self._lookout,
         )  # fmt: skip
-        self._sight = Sight(
-            link, self._tracker, self._guard, self._steering, self._announcer, self._requested_stop
+        self._estimates = EstimateReader(
+            link, self._tracker, self._guard, self._steering, self._publisher, self._requested_stop
         )
 
     def _tracker_of(self, controller: Helm, driven: AsDriven) -> Tracker:
@@ -176,16 +176,16 @@ class Mission:
         """
         try:
             if not self._done or self._settings.safety.comes_home:
-                self._tell_end(*self._loop())
+                self._publish_end(*self._loop())
         except OverError as over:
-            self._tell_end(over.reason, str(over))
+            self._publish_end(over.reason, str(over))
         except LinkError as error:
-            self._tell_end(EndReason.LINK_LOST, str(error))
+            self._publish_end(EndReason.LINK_LOST, str(error))
         except (StoppedError, KeyboardInterrupt) as error:
-            self._tell_end(EndReason.STOPPED, str(error) or "interrupted from the keyboard")
+            self._publish_end(EndReason.STOPPED, str(error) or "interrupted from the keyboard")
             raise
         except Exception as error:
-            self._tell_end(EndReason.FAILED, f"{type(error).__name__}: {error}", quietly=True)
+            self._publish_end(EndReason.FAILED, f"{type(error).__name__}: {error}", quietly=True)
             raise
         finally:
             self._link.close()
@@ -196,56 +196,58 @@ class Mission:
         return self._reached == len(self._targets)
 
     def _loop(self) -> tuple[EndReason, str]:
-        observation = launched(self._sight, self._announcer, self._lookout, self._requested_stop)
-        self._learn(observation)
-        self._give_patience(observation)
-        self._announcer.tell(
+        observation = launched(
+            self._estimates, self._publisher, self._lookout, self._requested_stop
+        )
+        self._update_model(observation)
+        self._set_time_limit(observation)
+        self._publisher.publish(
             Started, observation.time_s, targets=len(self._targets), reached=self._reached
         )
         while True:
-            self._announcer.tell(
+            self._publisher.publish(
                 Estimate, observation.time_s, state=observation.state, weather=self._weather
             )
             self._visit(observation)
             self._measuring.read_instruments(observation)
             self._close_areas(observation)
-            self._watch(observation)
+            self._assess(observation)
             self._replan(observation)
             end = self._end_reached(observation)
             if end is not None:
                 return end
-            waits_at = self._waits_at if self._waits_for_way else None
+            waits_at = self._waits_at if self._waits_for_route else None
             self._steering.act(observation, self._reached, idle=self._done, waits_at=waits_at)
-            self._announcer.release()
-            observation = self._sight.next()
-            self._learn(observation)
+            self._publisher.release()
+            observation = self._estimates.next()
+            self._update_model(observation)
 
     def _close_areas(self, observation: Observation) -> None:
         """Keep out of the areas that have been closed since the last estimate."""
         while self._closings:
             zones, why = self._closings.popleft()
-            self._announcer.tell(Warned, observation.time_s, code="area_closed", message=why)
+            self._publisher.publish(Warned, observation.time_s, code="area_closed", message=why)
             self._guard.close(zones, observation)
             if self._replanner is not None and not self._done:
                 place = observation.state[:2]
                 self._replanner.close(zones, self._reached, place, self._weather)
 
-    def _watch(self, observation: Observation) -> None:
+    def _assess(self, observation: Observation) -> None:
         """Let the guard judge the estimate; after a change of its state, begin with a new step."""
         before = self._guard.state
         status, ahead = self._link.status(), self._steering.ahead(observation)
         given = self._tracker.delivered(observation.time_s, self._steering.ordered)
-        self._guard.look(observation, self._weather, given, self._reached, status, ahead)
+        self._guard.assess(observation, self._weather, given, self._reached, status, ahead)
         if self._guard.state is not before:
-            self._looks_on = True
-            self._steering.begin_anew(observation.time_s)
-            self._give_patience(observation)
+            self._checks_leg = True
+            self._steering.restart(observation.time_s)
+            self._set_time_limit(observation)
 
     def _end_reached(self, observation: Observation) -> tuple[EndReason, str] | None:
         """Return why the mission ends at this estimate, or None if it continues."""
         surveys = self._guard.state is SafetyState.SURVEYING
         if self._done and not self._extends(observation) and not self._waits_for_others():
-            why = "" if self._replanner is None else self._replanner.over
+            why = "" if self._replanner is None else self._replanner.why_over
             return EndReason.COMPLETE, "every target is reached" + (f"; {why}" if why else "")
         if request := self._requested_stop():
             return EndReason.STOPPED, request
@@ -277,15 +279,15 @@ class Mission:
         """Whether the mission continues after its last target; the boat waits for the next one."""
         plans, place = self._replanner, observation.state[:2]
         if plans is None or self._guard.state is not SafetyState.SURVEYING:
-            return plans is not None and plans.may_go_on
-        return plans.goes_on(observation.time_s, self._reached, place)
+            return plans is not None and plans.may_extend
+        return plans.asks_to_extend(observation.time_s, self._reached, place)
 
     def _gives_up(self, observation: Observation) -> bool:
         """Whether the mission continues without the target that it fails to reach."""
         if self._replanner is None or self._done:
             return False
         seq, place = self._targets[self._reached].seq, observation.state[:2]
-        if self._replanner.goes_elsewhere(observation.time_s, self._reached, place):
+        if self._replanner.asks_for_another_place(observation.time_s, self._reached, place):
             return True
         self._replanner.give_up(seq, self._reached, place, self._weather)
         return self._replanner.is_busy
@@ -302,9 +304,9 @@ class Mission:
                 raise OverError(EndReason.TARGET_GIVEN_UP, str(error)) from None
             self._guard.ask(Request.HOME, str(error).rstrip("."))
             return
-        if plans.kept:
-            message, plans.kept = plans.kept, ""
-            self._announcer.tell(Warned, observation.time_s, code="plan_kept", message=message)
+        if plans.why_kept:
+            message, plans.why_kept = plans.why_kept, ""
+            self._publisher.publish(Warned, observation.time_s, code="plan_kept", message=message)
         if new is None:
             return
         more = len(new.survey.targets) - len(self._targets)
@@ -313,11 +315,11 @@ class Mission:
         self._guard.take_order(new.survey)
         new.helm.reached = self._reached
         self._steering.take_order(new.helm, self._targets, observation.time_s)
-        self._announcer.tell(Revised, observation.time_s, revision=new.revision, more=more)
-        self._announcer.tell(
+        self._publisher.publish(Revised, observation.time_s, revision=new.revision, more=more)
+        self._publisher.publish(
             Warned, observation.time_s, code="plan_revised", message=new.revision.note
         )
-        self._give_patience(observation)
+        self._set_time_limit(observation)
 
     def _asks_for_order(self, plans: Replanner, observation: Observation) -> bool:
         """Request a new order if there is cause. Return whether the boat would sail one, which it
@@ -326,16 +328,16 @@ class Mission:
         time_s, place = observation.time_s, observation.state[:2]
         if self._guard.state is not SafetyState.SURVEYING:
             crowded = self._guard.crowded_s(time_s) > ELSEWHERE_S
-            return crowded and plans.goes_elsewhere(time_s, self._reached, place)
+            return crowded and plans.asks_for_another_place(time_s, self._reached, place)
         if self._done:
             # If the loop waits for new orders, this one is requested and taken at the same
             # estimate. In a simulated fleet no other boat then acts in between, and each boat plans
             # with what the boats before it have announced.
-            plans.goes_on(time_s, self._reached, place)
+            plans.asks_to_extend(time_s, self._reached, place)
             return True
-        if self._looks_on:
-            self._looks_on, self._waits_at = False, (place[0], place[1])
-            plans.lead_on(self._reached, place, self._weather)
+        if self._checks_leg:
+            self._checks_leg, self._waits_at = False, (place[0], place[1])
+            plans.connect(self._reached, place, self._weather)
         plans.watch(time_s, self._reached, place, self._weather, self._guard.used_wh)
         return True
 
@@ -344,26 +346,26 @@ class Mission:
         return self._gate.why or self._link.status().stop_request
 
     @property
-    def _waits_for_way(self) -> bool:
+    def _waits_for_route(self) -> bool:
         """Whether the boat waits for a route to its next target."""
-        return self._replanner is not None and self._replanner.leads
+        return self._replanner is not None and self._replanner.is_connecting
 
     @property
     def _weather(self) -> Weather:
         return self._tracker.weather
 
-    def _learn(self, observation: Observation) -> None:
+    def _update_model(self, observation: Observation) -> None:
         """Update the estimates of the weather and of the boat's parameters from an observation."""
-        assert self._sight.raw is not None
+        assert self._estimates.raw is not None
         then_s = observation.time_s - observation.age_s
-        if self._tracker.see(then_s, self._sight.raw.state):
-            self._take_for_another_boat(observation)
+        if self._tracker.update(then_s, self._estimates.raw.state):
+            self._adopt_model(observation)
 
-    def _take_for_another_boat(self, observation: Observation) -> None:
+    def _adopt_model(self, observation: Observation) -> None:
         """Plan with the boat's estimated parameters from now on."""
-        self._steering.take_for_another_boat()
+        self._steering.adopt_model()
         message = self._tracker.finding
-        self._announcer.tell(Warned, observation.time_s, code="model_corrected", message=message)
+        self._publisher.publish(Warned, observation.time_s, code="model_corrected", message=message)
 
     def _visit(self, observation: Observation) -> None:
         """Count the targets that this estimate reaches, and measure if a sample is due."""
@@ -374,26 +376,26 @@ class Mission:
         self._steering.controller.reached = self._reached
         self._measuring.take(observation, entered, ahead)
         for i, target in enumerate(entered, before + 1):
-            self._announcer.tell(Reached, observation.time_s, target_seq=target.seq, count=i)
+            self._publisher.publish(Reached, observation.time_s, target_seq=target.seq, count=i)
         if entered:
-            self._give_patience(observation)
+            self._set_time_limit(observation)
 
-    def _give_patience(self, observation: Observation) -> None:
+    def _set_time_limit(self, observation: Observation) -> None:
         if self._done:
             return
-        longest = patience_s(self._sets[self._reached], observation.state)
+        longest = target_time_limit_s(self._sets[self._reached], observation.state)
         self._deadline_s = observation.time_s + longest
 
-    def _tell_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
+    def _publish_end(self, reason: EndReason, message: str, *, quietly: bool = False) -> None:
         """Report the end of the mission; `quietly` if the recorder itself may have failed.
 
         The link is closed first: a full or slow disk must not keep the boat going. `close` is
         called and not `stop`, because a pilot who took over already controls the boat.
         """
-        last = self._sight.last or Observation(time_s=0.0, state=NOWHERE)
+        last = self._estimates.last or Observation(time_s=0.0, state=NOWHERE)
         if self._lookout is not None:
             self._lookout.over((last.state[0], last.state[1]), came_home=reason in AT_HOME)
         try:
             self._link.close()
         finally:
-            self._announcer.end(last.time_s, reason, message, quietly=quietly)
+            self._publisher.end(last.time_s, reason, message, quietly=quietly)

@@ -13,9 +13,9 @@ from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.identification.manoeuvre import Manoeuvre
 from grebe.links.base import BoatLink
+from grebe.mission.events.recorders import Listener, MemoryRecorder
 from grebe.mission.loop import Mission, MissionSettings
 from grebe.mission.measuring.sampling import InSets
-from grebe.mission.telling.recorders import Listener, MemoryRecorder
 
 STEP_S = 0.1
 # The loop ends when a target is reached or given up. This target is too far away for either.
@@ -58,7 +58,7 @@ class ManoeuvreHelm:
         return Command(thrusts=thrusts, plan=None, status=StepStatus.SOLVED, target=0, split=0)
 
 
-def fly_manoeuvre(
+def sail_manoeuvre(
     survey: Survey, manoeuvre: Manoeuvre, link: BoatLink, listeners: Sequence[Listener] = ()
 ) -> ManoeuvreEnd:
     """Drive a manoeuvre in a survey's water, and leave the boat without thrust. `listeners` receive

@@ -10,7 +10,7 @@ from grebe.core.plan_settings import SortieSettings
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.states import Place
-from grebe.planning.revisions.put_off import Late
+from grebe.planning.revisions.postpone import Delay
 from grebe.planning.revisions.revise import remaining_s
 from grebe.planning.trips.endurance import MARGIN
 
@@ -35,9 +35,9 @@ class Pace:
     _began: tuple[float, Place, int, float] | None = None
     _next_s: float = -math.inf
 
-    def late(
+    def delay(
         self, time_s: float, reached: int, place: Place, part: Survey, used_wh: float
-    ) -> Late | None:
+    ) -> Delay | None:
         """Return how late the sortie is if its rest no longer fits; None if it fits or is not
         judged now.
 
@@ -46,27 +46,27 @@ class Pace:
         if self._began is None:
             self._began = (time_s, place, reached, used_wh)
         began_s, start, before, used_before_wh = self._began
-        flown_s = time_s - began_s
-        if time_s < self._next_s or flown_s < LEAST_S or reached == before:
+        elapsed_s = time_s - began_s
+        if time_s < self._next_s or elapsed_s < LEAST_S or reached == before:
             return None
         self._next_s = time_s + EVERY_S
         weather = part.settings.weather if part.settings else CALM
         expected_s = remaining_s(part, start, part.targets[before:reached], weather, self.vessel)
         rest_s = remaining_s(part, place, part.targets[reached:], weather, self.vessel)
-        pace = flown_s / max(expected_s, 1e-9)
-        left_s = self._left_s(flown_s, used_wh, (used_wh - used_before_wh) / flown_s)
+        pace = elapsed_s / max(expected_s, 1e-9)
+        left_s = self._left_s(elapsed_s, used_wh, (used_wh - used_before_wh) / elapsed_s)
         if pace < SLOW or MARGIN * pace * rest_s <= left_s:
             return None
-        return Late(pace=pace, flown_s=flown_s, left_s=left_s)
+        return Delay(pace=pace, elapsed_s=elapsed_s, left_s=left_s)
 
-    def _left_s(self, flown_s: float, used_wh: float, wh_per_s: float) -> float:
+    def _left_s(self, elapsed_s: float, used_wh: float, wh_per_s: float) -> float:
         """Return how long the boat may still be out [s], by its minutes and by its battery at this
         power.
         """
         bounds, most = self.bounds, 1 - self.bounds.reserve
         left_s = [math.inf]
         if bounds.minutes is not None:
-            left_s.append(most * 60 * bounds.minutes - self.spent_s - flown_s)
+            left_s.append(most * 60 * bounds.minutes - self.spent_s - elapsed_s)
         if bounds.battery_wh is not None and wh_per_s > 0:
             left_s.append((most * bounds.battery_wh - used_wh) / wh_per_s)
         return min(left_s)

@@ -27,8 +27,8 @@ from grebe.mission.helm import Helm
 from grebe.mission.pace import Pace
 from grebe.mission.safety.states import Place
 from grebe.planning.region import water_of
-from grebe.planning.revisions.lead_on import ASTRAY_M, is_led, led_on
-from grebe.planning.revisions.put_off import Late, put_off
+from grebe.planning.revisions.connect import OFF_CORRIDOR_M, connected, is_connected
+from grebe.planning.revisions.postpone import Delay, postponed
 from grebe.planning.revisions.revise import Halfway, OpenWater, open_water, replanned
 
 # A new order is needed once the current differs from the planned one by this much [m/s] for this
@@ -57,7 +57,7 @@ Extension = Callable[[PlanRevision, Halfway, float], PlanRevision]
 
 
 @dataclass(kw_only=True)
-class KeptPlan:
+class SharedPlan:
     """The plan of a survey, which the boats of a fleet share; each boat reorders its own part.
 
     `closed` are the areas that have been closed to all boats. `keep` stores a revision that is
@@ -91,32 +91,32 @@ class Replanner:
     """Makes revisions of a mission's plan.
 
     `survey` is the complete survey, `sortie` the number of the part that is sailed, and `helm_of`
-    makes the helm for a part. `waits` says whether the loop waits for a new order. `heeds` says
+    makes the helm for a part. `waits` says whether the loop waits for a new order. `reacts` says
     whether unreachable targets and changed weather cause a new order. `extends` returns how the
-    mission continues after its last target; `over` says why it does not. `asked` is the reason of
-    the last request, and `kept` says why the old order could not be replaced. `spent_s` is the time
-    for which the boat had been under way since its harbour, before this mission [s].
+    mission continues after its last target; `why_over` says why it does not. `asked` is the reason
+    of the last request, and `why_kept` says why the old order could not be replaced. `spent_s` is
+    the time for which the boat had been under way since its harbour, before this mission [s].
     """
 
     survey: Survey
-    plan: KeptPlan
+    plan: SharedPlan
     vessel: Vessel
     helm_of: Callable[[Survey], Helm]
     sortie: int | None = None
     waits: bool = False
-    heeds: bool = True
+    reacts: bool = True
     extends: Extension | None = None
-    over: str = ""
-    kept: str = ""
+    why_over: str = ""
+    why_kept: str = ""
     spent_s: float = 0.0
     asked: Reason | None = None
     _open: OpenWater | None = None
-    _heeded: int = 0
-    _went_on: bool = False
-    _turned_s: float = -math.inf
+    _closures_known: int = 0
+    _has_extended: bool = False
+    _asked_again_s: float = -math.inf
     _free: tuple[int, BaseGeometry] | None = None
     _pace: Pace | None = None
-    _late: Late | None = None
+    _delay: Delay | None = None
     _left_out: set[int] = field(default_factory=set[int])
     _thread: threading.Thread | None = None
     _new: NewOrder | Exception | None = None
@@ -130,7 +130,7 @@ class Replanner:
 
     def give_up(self, seq: int, reached: int, place: Place, weather: Weather) -> None:
         """Request an order without the target `seq`, which is not reached in time."""
-        if self.is_busy or not self.heeds:
+        if self.is_busy or not self.reacts:
             return
         self._left_out.add(seq)
         note = f"target {seq} was not reached in time and is left out"
@@ -144,7 +144,7 @@ class Replanner:
 
         `used_wh` is the energy used since the harbour [Wh].
         """
-        if not self.heeds:
+        if not self.reacts:
             return
         self._watch_pace(time_s, reached, place, weather, used_wh)
         planned = self._weather or (self.survey.settings.weather if self.survey.settings else CALM)
@@ -166,13 +166,13 @@ class Replanner:
         )
         self._ask("weather", note, reached, place, weather)
 
-    def lead_on(self, reached: int, place: Place, weather: Weather) -> None:
+    def connect(self, reached: int, place: Place, weather: Weather) -> None:
         """Request a route to the next target if the boat cannot sail straight to it."""
-        if not self.is_busy and not is_led(self._part, self._sailable, reached, place):
+        if not self.is_busy and not is_connected(self._part, self._sailable, reached, place):
             self._ask("resumed", "", reached, place, weather)
 
     @property
-    def leads(self) -> bool:
+    def is_connecting(self) -> bool:
         """Whether the boat has to wait for a route to its next target."""
         return self.is_busy and self.asked == "resumed"
 
@@ -188,8 +188,8 @@ class Replanner:
             bounds=settings.sorties.of_boat(sortie.boat),
             spent_s=self.spent_s,
         )
-        self._late = self._pace.late(time_s, reached, place, self._part, used_wh)
-        if self._late is not None:
+        self._delay = self._pace.delay(time_s, reached, place, self._part, used_wh)
+        if self._delay is not None:
             self._ask("progress", "", reached, place, weather)
 
     def close(
@@ -200,39 +200,39 @@ class Replanner:
         """
         self.plan.close(zones)
         if not self.is_busy:
-            self._heed_closed(reached, place, weather)
+            self._ask_around_closed(reached, place, weather)
 
-    def _heed_closed(self, reached: int, place: Place, weather: Weather) -> bool:
+    def _ask_around_closed(self, reached: int, place: Place, weather: Weather) -> bool:
         """Request an order that keeps out of the closed areas, if the present one does not; return
         whether one was requested.
         """
         closed = self.plan.closed
-        self._heeded = len(closed)
+        self._closures_known = len(closed)
         if not _goes_through(closed, self._part, reached, place):
             return False
         taken = shapely.intersection(self.survey.water, shapely.union_all(list(closed)))
         self._ask("closed", f"{taken.area:,.0f} m2 are closed", reached, place, weather)
         return True
 
-    def goes_elsewhere(self, time_s: float, reached: int, place: Place) -> bool:
+    def asks_for_another_place(self, time_s: float, reached: int, place: Place) -> bool:
         """Whether an extended mission, which cannot get to its next place, has requested another.
         Requests one if it is due.
         """
-        if not (self._went_on and self.may_go_on):
+        if not (self._has_extended and self.may_extend):
             return False
-        if not self.is_busy and time_s - self._turned_s >= AGAIN_S:
-            self.asked, self._turned_s = None, time_s
+        if not self.is_busy and time_s - self._asked_again_s >= AGAIN_S:
+            self.asked, self._asked_again_s = None, time_s
             self._start(self._extend, reached, place, time_s)
         return self.is_busy
 
     @property
-    def may_go_on(self) -> bool:
+    def may_extend(self) -> bool:
         """Whether the mission may continue after its last target, as far as is known."""
-        return self.extends is not None and not self.over
+        return self.extends is not None and not self.why_over
 
-    def goes_on(self, time_s: float, reached: int, place: Place) -> bool:
+    def asks_to_extend(self, time_s: float, reached: int, place: Place) -> bool:
         """Whether the mission continues after its last target; if so, request where, once."""
-        if not self.may_go_on:
+        if not self.may_extend:
             return False
         if not self.is_busy:
             self.asked = None
@@ -243,7 +243,7 @@ class Replanner:
         """Return the new order once it is ready; request another if it has become stale.
 
         Raises `PlanError`, once, if closed areas or an unreachable target leave no order. If
-        planning fails after any other cause, the order stays as it is, and `kept` says why.
+        planning fails after any other cause, the order stays as it is, and `why_kept` says why.
         """
         if self._thread is not None and (self.waits or not self._thread.is_alive()):
             self._thread.join()
@@ -251,8 +251,8 @@ class Replanner:
         if self._thread is not None:
             return None
         new, self._new = self._new, None
-        unheeded = self._heeded != len(self.plan.closed)
-        if unheeded and self._heed_closed(reached, place, weather):
+        is_behind = self._closures_known != len(self.plan.closed)
+        if is_behind and self._ask_around_closed(reached, place, weather):
             return None
         if isinstance(new, Exception):
             self._failed(new)
@@ -264,7 +264,7 @@ class Replanner:
             self._ask(new.revision.reason, new.note, reached, place, weather)
             return None
         if new is not None and new.revision.reason == "adaptive":
-            self._went_on = True
+            self._has_extended = True
         return new
 
     def _failed(self, error: Exception) -> None:
@@ -275,7 +275,7 @@ class Replanner:
         # A sortie that fits after all, or cannot be shortened, needs no message: the guard calls
         # the boat home in time.
         if self.asked != "progress" or not named:
-            self.kept = f"the order stays as it is, because no other was found ({why})"
+            self.why_kept = f"the order stays as it is, because no other was found ({why})"
 
     def _ask(self, reason: Reason, note: str, reached: int, place: Place, weather: Weather) -> None:
         self.asked = reason
@@ -292,10 +292,10 @@ class Replanner:
         plan = self.plan.revision
         return survey_of(self.survey, plan, self._sortie_in(plan))
 
-    def _start(self, work: Callable[..., NewOrder | None], *told: Any) -> None:
+    def _start(self, work: Callable[..., NewOrder | None], *arguments: Any) -> None:
         def watched() -> None:
             try:
-                self._new = work(*told)
+                self._new = work(*arguments)
             # Every error is passed to the loop, which would wait for ever if the thread just died.
             except Exception as error:
                 self._new = error
@@ -311,15 +311,15 @@ class Replanner:
             new = self.extends(old, halfway, time_s)
         # The survey itself is complete, so an extension that cannot be planned is a normal end.
         except GrebeError as error:
-            self.over = str(error)
+            self.why_over = str(error)
             return None
         # A second request would fail too, and the boat would wait.
         except Exception as error:
-            self.over = f"the extension could not be planned ({type(error).__name__}: {error})"
+            self.why_over = f"the extension could not be planned ({type(error).__name__}: {error})"
             return None
         part = survey_of(self.survey, new, self._sortie_in(new))
         if _goes_through(self.plan.closed, part, reached, None):
-            self.over = "the route to the most useful places leads through a closed area"
+            self.why_over = "the route to the most useful places leads through a closed area"
             return None
         return self._ordered(new, halfway)
 
@@ -328,12 +328,12 @@ class Replanner:
     ) -> NewOrder:
         water = self._water(halfway.place)
         if reason == "resumed":
-            return self._ordered(led_on(old, self.survey, water, halfway), halfway, note)
-        if reason == "progress" and self._late is not None:
+            return self._ordered(connected(old, self.survey, water, halfway), halfway, note)
+        if reason == "progress" and self._delay is not None:
             # The pace is relative to the prediction for the planned weather.
             planned = self.survey.settings.weather if self.survey.settings else weather
-            new = put_off(
-                old, self.survey, water, halfway, self._late, vessel=self.vessel, weather=planned
+            new = postponed(
+                old, self.survey, water, halfway, self._delay, vessel=self.vessel, weather=planned
             )
             return self._ordered(new, halfway, note)
         new = replanned(
@@ -372,7 +372,7 @@ class Replanner:
         taken = (*self.survey.no_go, *self.plan.closed)
         if self._free is None or self._free[0] != len(taken):
             left = shapely.difference(self.survey.water, shapely.union_all(list(taken)))
-            self._free = (len(taken), left.buffer(ASTRAY_M))
+            self._free = (len(taken), left.buffer(OFF_CORRIDOR_M))
             shapely.prepare(self._free[1])
         return self._free[1]
 
@@ -385,6 +385,6 @@ def _goes_through(
         return False
     closed = shapely.union_all(list(zones))
     shapely.prepare(closed)
-    ways = [*(one.set.polygon for one in part.targets[reached:]), *part.corridors[reached:]]
+    shapes = [*(one.set.polygon for one in part.targets[reached:]), *part.corridors[reached:]]
     here = [] if place is None else [shapely.Point(place)]
-    return bool(shapely.intersects(np.array([*ways, *here], dtype=object), closed).any())
+    return bool(shapely.intersects(np.array([*shapes, *here], dtype=object), closed).any())

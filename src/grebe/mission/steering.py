@@ -10,20 +10,21 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from grebe.control.apart import Announced
 from grebe.control.controller import Command
+from grebe.control.separation import AnnouncedPath
 from grebe.control.tracker import Tracker
 from grebe.core.dynamics import Weather
 from grebe.core.events import Prediction, Step, Thrusts
 from grebe.core.inner_loop import held_motion
 from grebe.core.survey import Target
 from grebe.links.base import Observation, Order
+from grebe.mission.events.publisher import Publisher
 from grebe.mission.gate import Gate
 from grebe.mission.helm import (
     AdaptableHelm,
     ForeseeingHelm,
-    HeedingHelm,
     Helm,
+    TrafficAwareHelm,
     possible_thrusts,
     step_of,
 )
@@ -31,7 +32,6 @@ from grebe.mission.safety.fence import Schedule
 from grebe.mission.safety.guard import Guard
 from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.states import Place, SafetyState
-from grebe.mission.telling.announcer import Announcer
 
 
 class Steering:
@@ -49,13 +49,13 @@ class Steering:
         gate: Gate,
         tracker: Tracker,
         guard: Guard,
-        announcer: Announcer,
+        publisher: Publisher,
         stopwatch: Callable[[], float],
         lookout: Lookout | None = None,
     ) -> None:
         self.controller, self._targets = controller, targets
         self._gate, self._tracker, self._guard = gate, tracker, guard
-        self._announcer, self._stopwatch = announcer, stopwatch
+        self._publisher, self._stopwatch = publisher, stopwatch
         self._lookout = lookout
         self._next_step_s = 0.0
         self._command: tuple[float, Command] | None = None
@@ -68,13 +68,13 @@ class Steering:
         if isinstance(controller, AdaptableHelm) and controller.vessel != self._tracker.vessel:
             controller.take_for(self._tracker.vessel)
         self._command = None
-        self.begin_anew(time_s)
+        self.restart(time_s)
 
-    def begin_anew(self, time_s: float) -> None:
+    def restart(self, time_s: float) -> None:
         """Make a new control step at the next estimate."""
         self._next_step_s = time_s
 
-    def take_for_another_boat(self) -> None:
+    def adopt_model(self) -> None:
         """Plan with the boat's estimated parameters from now on."""
         for one in (self.controller, self._guard.helm, self._guard):
             if isinstance(one, AdaptableHelm):
@@ -92,12 +92,12 @@ class Steering:
         if own is not None:
             if own != self.thrusts:
                 self.send(observation, own)
-                self._tell_step(observation, None)
+                self._publish_step(observation, None)
         elif idle and self._helm is self.controller:
             self.send(observation, (0.0, 0.0))
         elif waits_at is not None and self._helm is self.controller:
             self.send(observation, self._guard.waits_at(observation, self._weather, waits_at))
-            self._tell_step(observation, None)
+            self._publish_step(observation, None)
         elif observation.time_s >= self._next_step_s - 1e-9:
             self._steer(observation, reached)
         else:
@@ -105,13 +105,13 @@ class Steering:
         if self._lookout is not None:
             self._lookout.announce(self._announced(observation, waits=idle or waits_at is not None))
 
-    def _announced(self, observation: Observation, *, waits: bool) -> Announced:
+    def _announced(self, observation: Observation, *, waits: bool) -> AnnouncedPath:
         """Return where the boat is going to be, for the plans of other boats."""
         helm, command = self._guard.helm or (None if waits else self.controller), self._command
         keeps = self._guard.own_thrusts(observation, self._weather) is not None
         if keeps or helm is None or command is None or command[1].plan is None:
-            return Announced.lying((observation.state[0], observation.state[1]))
-        return Announced.of_plan(command[1].plan, observation.time_s - command[0])
+            return AnnouncedPath.at_rest((observation.state[0], observation.state[1]))
+        return AnnouncedPath.of_plan(command[1].plan, observation.time_s - command[0])
 
     def ahead(self, observation: Observation) -> Schedule | None:
         """Return the planned thrusts over time; None without a plan."""
@@ -146,7 +146,7 @@ class Steering:
         state = self._tracker.ahead(then_s, observation.time_s, observation.state)
         if isinstance(helm, ForeseeingHelm):
             helm.expect(self._tracker.thrusters(observation.time_s))
-        if self._lookout is not None and isinstance(helm, HeedingHelm):
+        if self._lookout is not None and isinstance(helm, TrafficAwareHelm):
             others = self._lookout.announced((state[0], state[1]))
             helm.heed(others, self._lookout.traffic.wide_m)
         command = helm.step(state, self._weather, elapsed)
@@ -154,7 +154,7 @@ class Steering:
         self._command = (observation.time_s, command)
         self._apply(observation, reached, self._possible(command.thrusts_at(0.0)), solve_ms)
         if command.plan is not None:
-            self._announcer.tell(
+            self._publisher.publish(
                 Prediction,
                 observation.time_s,
                 after_s=np.concatenate([[0.0], np.cumsum(command.plan.durations)]),
@@ -181,17 +181,17 @@ class Steering:
         """Send the thrusts, or the guard's if it does not permit them, and report the step."""
         ahead = self.ahead(observation) or (lambda _: thrusts)
         if not self._guard.permitted(observation, ahead, self._weather, reached):
-            self.begin_anew(observation.time_s)
+            self.restart(observation.time_s)
             thrusts = self._guard.own_thrusts(observation, self._weather) or (0.0, 0.0)
         self.send(observation, thrusts)
-        self._tell_step(observation, solve_ms)
+        self._publish_step(observation, solve_ms)
 
-    def _tell_step(self, observation: Observation, solve_ms: float | None) -> None:
+    def _publish_step(self, observation: Observation, solve_ms: float | None) -> None:
         """Report the thrusts sent to the boat, by a helm's command or by the guard."""
         surveys = self._guard.state is SafetyState.SURVEYING
         command = None if self._command is None else self._command[1]
         steered = command is not None and (surveys or self._guard.helm is not None)
-        self._announcer.tell(
+        self._publisher.publish(
             Step,
             observation.time_s,
             state=observation.state,

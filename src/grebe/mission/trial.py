@@ -23,13 +23,13 @@ from grebe.core.sets import TargetSet, hull_of, rectangle
 from grebe.core.survey import Survey, Target
 from grebe.core.vessel import Vessel
 from grebe.links.simulated import EXACT, EstimateErrors, SimulatedLink
+from grebe.mission.events.recorders import MemoryRecorder
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import EVERY_SECOND, Sampling
 from grebe.mission.safety.settings import NO_FENCE, SafetySettings
 from grebe.mission.settings import MissionSettings
-from grebe.mission.telling.recorders import MemoryRecorder
-from grebe.mission.telling.statistics import MissionReport
 from grebe.simulation.changing import WeatherAt
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import ReadsWater, UniformSonde
@@ -127,7 +127,7 @@ class Trial:
         return self.recorder.of(Estimate)
 
 
-def fly(
+def simulate(
     vessel: Vessel,
     targets: Sequence[TargetSet],
     helm: Helm,

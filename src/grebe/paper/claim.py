@@ -25,7 +25,7 @@ from grebe.core.vessel import vessel_named
 from grebe.mapping.grid import Grid, make_grid
 from grebe.mapping.maps import Mapper
 from grebe.mapping.proof.validation import Z95
-from grebe.mission.trial import Conditions, fly
+from grebe.mission.trial import Conditions, simulate
 from grebe.paper.hand_driven import HandDriven
 from grebe.planning.planner import plan
 from grebe.simulation.water import Water, conditioned_water
@@ -51,12 +51,12 @@ TRIALS, LENGTH_TOLERANCE = 7, 0.05
 class Score:
     """The comparison of one map of one water with the truth, in the unit of the quantity.
 
-    `way` names how the water was sampled. `unsure` is the share of the region whose sd is above
+    `method` names how the water was sampled. `unsure` is the share of the region whose sd is above
     `SD_BOUND_SHARE` of the truth's sd; `coverage95` is the share of the region where the truth is
     within the 95 % interval.
     """
 
-    way: str
+    method: str
     quantity: str
     seed: int
     rmse: float
@@ -69,18 +69,18 @@ class Score:
 class Sampled:
     """One way of sampling the region: places (n, 2) [m], path length and duration."""
 
-    way: str
+    method: str
     positions: Array
     length_m: float
     duration_s: float
 
 
-def ways(hand: HandDriven, *, same_length: bool = True) -> list[Sampled]:
+def samplings(hand: HandDriven, *, same_length: bool = True) -> list[Sampled]:
     """Return the hand-driven track, and the planned surveys of equal duration and of equal length.
     The latter takes several simulated surveys to find.
     """
     driven = Sampled(
-        way="by hand",
+        method="by hand",
         positions=hand.positions,
         length_m=hand.length_m,
         duration_s=hand.duration_s,
@@ -91,11 +91,11 @@ def ways(hand: HandDriven, *, same_length: bool = True) -> list[Sampled]:
         PlanSettings(cell_m=None, minutes=minutes, core=CORE, speed_min_mps=WINDOW[0],
                      speed_max_mps=WINDOW[1]),
     ).survey  # fmt: skip
-    found = [driven, flown(timed, "planned, same duration")]
+    found = [driven, sailed(timed, "planned, same duration")]
     return [*found, _as_long(hand, "planned, same length")] if same_length else found
 
 
-def _as_long(hand: HandDriven, way: str) -> Sampled:
+def _as_long(hand: HandDriven, method: str) -> Sampled:
     """The planned survey whose track is about as long as the hand-driven one, and not longer."""
     cell_m = hand.survey.water.area / hand.length_m
     best: Sampled | None = None
@@ -103,7 +103,7 @@ def _as_long(hand: HandDriven, way: str) -> Sampled:
         survey = plan(
             hand.region, vessel_named("spyboat"), PlanSettings(cell_m=cell_m, core=CORE)
         ).survey
-        sampled = flown(survey, way)
+        sampled = sailed(survey, method)
         share = sampled.length_m / hand.length_m
         if share <= 1 and (best is None or sampled.length_m > best.length_m):
             best = sampled
@@ -115,20 +115,20 @@ def _as_long(hand: HandDriven, way: str) -> Sampled:
     return best
 
 
-def flown(survey: Survey, way: str) -> Sampled:
+def sailed(survey: Survey, method: str) -> Sampled:
     """Sail a survey in simulation, sampled by the default of all missions."""
     assert survey.vessel is not None
     assert survey.start is not None
     pilot = Controller(survey.vessel, survey.sets, corridors=survey.corridors)
-    flight = fly(
+    trial = simulate(
         survey.vessel, survey.sets, pilot, survey.start.at_rest(), Conditions(limit_s=20_000)
     )
-    sampled = flight.sampled
+    sampled = trial.sampled
     return Sampled(
-        way=way,
+        method=method,
         positions=sampled[shapely.intersects_xy(survey.water, sampled)],
-        length_m=flight.report.path_m,
-        duration_s=flight.duration_s,
+        length_m=trial.report.path_m,
+        duration_s=trial.duration_s,
     )
 
 
@@ -165,7 +165,7 @@ def _score(
     real = truth.value(key, grid.nodes)
     error, sd = made.mean[grid.inside] - real, made.sd[grid.inside]
     return Score(
-        way=sampled.way,
+        method=sampled.method,
         quantity=key,
         seed=seed,
         rmse=float(np.sqrt(np.mean(error**2))),
@@ -180,15 +180,15 @@ def summary(scores: list[Score]) -> list[dict[str, float | str]]:
     in which its RMSE is below that of the hand-driven track.
     """
     rows: list[dict[str, float | str]] = []
-    names = list(dict.fromkeys(score.way for score in scores))
+    names = list(dict.fromkeys(score.method for score in scores))
     for key in dict.fromkeys(score.quantity for score in scores):
-        base = {s.seed: s.rmse for s in scores if s.quantity == key and s.way == names[0]}
-        for way in names:
-            mine = [s for s in scores if s.quantity == key and s.way == way]
+        base = {s.seed: s.rmse for s in scores if s.quantity == key and s.method == names[0]}
+        for method in names:
+            mine = [s for s in scores if s.quantity == key and s.method == method]
             rows.append(
                 {
                     "quantity": key,
-                    "way": way,
+                    "way": method,
                     "rmse": float(np.mean([s.rmse for s in mine])),
                     "largest": float(np.mean([s.largest for s in mine])),
                     "unsure": float(np.mean([s.unsure for s in mine])),

@@ -28,29 +28,29 @@ LABELLED_SETS = 12
 
 
 @styled
-def mirrored(pair: Sequence[scenes.Scene], flights: Sequence[Trial], parting_s: float) -> Figure:
+def mirrored(pair: Sequence[scenes.Scene], trials: Sequence[Trial], parting_s: float) -> Figure:
     """Fig. 1: both paths and both tracks, and where the second mode begins."""
     figure = Figure(figsize=(8.4, 5.2))
     axes = figure.subplots()
-    paths = zip(pair, flights, ("\u03a9", "\u03a8"), (BLUE, VERMILLION), strict=True)
-    for scene, flight, letter, colour in paths:
+    paths = zip(pair, trials, ("\u03a9", "\u03a8"), (BLUE, VERMILLION), strict=True)
+    for scene, trial, letter, colour in paths:
         # Both paths share the first set, so each has its label on its own side of it.
         _draw_sets(axes, scene.targets, letter, colour, aside=1 if letter == "\u03a9" else -1)
-        track = np.array(flight.track)
+        track = np.array(trial.track)
         axes.plot(track[:, 2], track[:, 1], color=colour, label=f"track along {letter}")
-    first = np.array(flights[0].track)
+    first = np.array(trials[0].track)
     place = first[np.searchsorted(first[:, 0], parting_s - 1e-9)]
     axes.plot(place[2], place[1], "o", color=BLACK, ms=6, label="second mode begins")
     return _finished(figure, axes, pair[0].start, "Fig. 1: two mirrored paths (sets: stand-ins)")
 
 
 @styled
-def paths(scene: scenes.Scene, flight: Trial) -> Figure:
+def paths(scene: scenes.Scene, trial: Trial) -> Figure:
     """Fig. 2: the sets and the track through them."""
     figure = Figure(figsize=(8.4, 4.4))
     axes = figure.subplots()
     _draw_sets(axes, scene.targets, "\u03a9", BLUE)
-    track = np.array(flight.track)
+    track = np.array(trial.track)
     axes.plot(track[:, 2], track[:, 1], color=VERMILLION, label="track")
     return _finished(
         figure,
@@ -61,7 +61,7 @@ def paths(scene: scenes.Scene, flight: Trial) -> Figure:
 
 
 @styled
-def exploration(scene: scenes.Scene, flight: Trial) -> Figure:
+def exploration(scene: scenes.Scene, trial: Trial) -> Figure:
     """Fig. 7: the region, its cells and the track through all of them."""
     figure = Figure(figsize=(9.0, 6.4))
     axes = figure.subplots()
@@ -69,22 +69,22 @@ def exploration(scene: scenes.Scene, flight: Trial) -> Figure:
     axes.fill(ring[:, 1], ring[:, 0], color=SKY, alpha=0.25, lw=0)
     axes.plot(ring[:, 1], ring[:, 0], color=BLACK, lw=1.0)
     _draw_sets(axes, scene.targets, "", GREY)
-    track = np.array(flight.track)
+    track = np.array(trial.track)
     axes.plot(track[:, 2], track[:, 1], color=VERMILLION, lw=1.2, label="track")
-    title = f"Fig. 7: {flight.arrivals} sets (region: a stand-in)"
+    title = f"Fig. 7: {trial.arrivals} sets (region: a stand-in)"
     return _finished(figure, axes, scene.start, title)
 
 
 @styled
 def histories(
     scene: scenes.Scene,
-    flight: Trial,
+    trial: Trial,
     window: tuple[float, float],
     span_s: float,
     title: str,
 ) -> Figure:
     """Figs. 8 and 9: thrusts with their limits and surge with its window."""
-    track, thrusts = np.array(flight.track), np.array(flight.thrusts)
+    track, thrusts = np.array(trial.track), np.array(trial.thrusts)
     shown = track[:, 0] <= span_s
     time = track[shown, 0]
     figure = Figure(figsize=(9.0, 6.4))
@@ -166,14 +166,14 @@ def planned(survey: Survey) -> Figure:
 @styled
 def claim(scores: Sequence[Score]) -> Figure:
     """RMSE of each map over that of the hand-driven one, a box for each quantity and plan."""
-    ways = list(dict.fromkeys(score.way for score in scores))
+    methods = list(dict.fromkeys(score.method for score in scores))
     keys = list(dict.fromkeys(score.quantity for score in scores))
     figure = Figure(figsize=(8.0, 4.6))
     axes = figure.subplots()
-    base = {(s.quantity, s.seed): s.rmse for s in scores if s.way == ways[0]}
-    for j, (way, colour) in enumerate(zip(ways[1:], (BLUE, VERMILLION), strict=False)):
+    base = {(s.quantity, s.seed): s.rmse for s in scores if s.method == methods[0]}
+    for j, (method, colour) in enumerate(zip(methods[1:], (BLUE, VERMILLION), strict=False)):
         ratios = [
-            [s.rmse / base[key, s.seed] for s in scores if s.way == way and s.quantity == key]
+            [s.rmse / base[key, s.seed] for s in scores if s.method == method and s.quantity == key]
             for key in keys
         ]
         boxes = axes.boxplot(
@@ -183,8 +183,8 @@ def claim(scores: Sequence[Score]) -> Figure:
         for box in boxes["boxes"]:
             box.set_facecolor(colour)
             box.set_alpha(0.6)
-        axes.plot([], [], color=colour, lw=6, alpha=0.6, label=way)
-    axes.axhline(1.0, color=BLACK, lw=0.9, ls="--", label=ways[0])
+        axes.plot([], [], color=colour, lw=6, alpha=0.6, label=method)
+    axes.axhline(1.0, color=BLACK, lw=0.9, ls="--", label=methods[0])
     labels = {key: one.label for key, one in BUILTIN.items()}
     axes.set_xticks(range(len(keys)), [labels[key] for key in keys])
     axes.set_ylabel("RMSE over that of the track by hand")

@@ -30,22 +30,22 @@ SPAN_S = 100.0
 def fig1(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
     """Two mirrored paths: the same track until the second mode, mirrored after it."""
     pair = scenes.mirrored_paths(boat)
-    flights = [scene.flown() for scene in pair]
-    first, second = (np.array(flight.track) for flight in flights)
-    parting = _second_mode_s(flights[0], pair[0].rule.stages)
+    trials = [scene.sailed() for scene in pair]
+    first, second = (np.array(trial.track) for trial in trials)
+    parting = _second_mode_s(trials[0], pair[0].rule.stages)
     before = first[:, 0] <= parting + 1e-9
     shared = min(len(first), len(second))
     same = _apart(first[before], second[: len(first)][before])
     mirrored = _apart(first[:shared], second[:shared] * [1, 1, -1, -1, 1, -1, -1])
     after = _apart(first[:shared][~before[:shared]], second[:shared][~before[:shared]])
-    picture = save(drawings.mirrored(pair, flights, parting), out / "fig1.png")
+    picture = save(drawings.mirrored(pair, trials, parting), out / "fig1.png")
     return Reproduction(
         figure="fig1",
         picture=picture,
         checks=(
             *(
                 _all_reached(name, f)
-                for name, f in zip(("path", "its mirror"), flights, strict=True)
+                for name, f in zip(("path", "its mirror"), trials, strict=True)
             ),
             Check(
                 what=f"largest distance of the tracks before the second mode, at {parting:.0f} s",
@@ -69,30 +69,30 @@ def fig1(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
 def fig2(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
     """Four sets, the third of which is touched only at its rim."""
     scene = scenes.four_sets(boat)
-    flight = scene.flown()
-    depths = [_depth(target, flight) for target in scene.targets]
+    trial = scene.sailed()
+    depths = [_depth(target, trial) for target in scene.targets]
     half = 0.5 * min(np.ptp(np.array(scene.targets[2].vertices), axis=0).tolist())
-    picture = save(drawings.paths(scene, flight), out / "fig2.png")
+    picture = save(drawings.paths(scene, trial), out / "fig2.png")
     rim = Check(
         what=f"how far the track goes into the third set, {half:.0f} m from rim to middle",
         found=f"{depths[2]:.2f} m",
         holds=0 <= depths[2] < RIM_SHARE * half,
     )
-    return Reproduction(figure="fig2", picture=picture, checks=(_all_reached("path", flight), rim))
+    return Reproduction(figure="fig2", picture=picture, checks=(_all_reached("path", trial), rim))
 
 
 def fig7(out: Path, boat: Vessel = scenes.BOAT) -> Reproduction:
     """The region explored: every set is reached at least once; also with the rule `lookahead`."""
     scene = scenes.exploration(boat=boat)
-    flight = scene.flown()
-    further = scenes.flown_otherwise(scene, Lookahead(), Fast()).flown()
-    picture = save(drawings.exploration(scene, flight), out / "fig7.png")
+    trial = scene.sailed()
+    further = scenes.sailed_with(scene, Lookahead(), Fast()).sailed()
+    picture = save(drawings.exploration(scene, trial), out / "fig7.png")
     return Reproduction(
         figure="fig7",
         picture=picture,
         checks=(
-            _all_reached("dual", flight),
-            _within_thrusts(scene, flight),
+            _all_reached("dual", trial),
+            _within_thrusts(scene, trial),
             Check(
                 what="the same by `lookahead`, beyond the paper",
                 found=f"{further.arrivals} in {further.duration_s:.0f} s",
@@ -123,12 +123,12 @@ FIGURES: dict[str, Callable[[Path, Vessel], Reproduction]] = {
 
 def _window_figure(name: str, window: tuple[float, float], out: Path, boat: Vessel) -> Reproduction:
     scene = scenes.exploration(window, boat)
-    flight = scene.flown()
-    entries = _entries(scene.targets, flight)
+    trial = scene.sailed()
+    entries = _entries(scene.targets, trial)
     speeds = np.array([speed for _, speed in entries])
     within = sum(when <= SPAN_S for when, _ in entries)
     title = f"Fig. {name.removeprefix('fig')}"
-    picture = save(drawings.histories(scene, flight, window, SPAN_S, title), out / f"{name}.png")
+    picture = save(drawings.histories(scene, trial, window, SPAN_S, title), out / f"{name}.png")
     return Reproduction(
         figure=name,
         picture=picture,
@@ -138,7 +138,7 @@ def _window_figure(name: str, window: tuple[float, float], out: Path, boat: Vess
                 f"{window[0]:g} to {window[1]:g} m/s",
                 found=f"{speeds.min():.2f} to {speeds.max():.2f} m/s; between them, where "
                 f"problem (8) asks nothing of it, in the window for "
-                f"{_share_within(flight, window):.0%} of the time",
+                f"{_share_within(trial, window):.0%} of the time",
                 holds=len(entries) == len(scene.targets)
                 and bool(np.all((speeds >= window[0]) & (speeds <= window[1]))),
             ),
@@ -147,22 +147,22 @@ def _window_figure(name: str, window: tuple[float, float], out: Path, boat: Vess
                 found=str(within),
                 holds=within > 0,
             ),
-            _within_thrusts(scene, flight),
+            _within_thrusts(scene, trial),
         ),
     )
 
 
-def _all_reached(name: str, flight: Trial) -> Check:
+def _all_reached(name: str, trial: Trial) -> Check:
     return Check(
         what=f"sets reached ({name})",
-        found=f"{flight.arrivals} in {flight.duration_s:.0f} s, "
-        f"{flight.report.unsolved_steps} steps not solved",
-        holds=flight.complete and flight.report.unsolved_steps == 0,
+        found=f"{trial.arrivals} in {trial.duration_s:.0f} s, "
+        f"{trial.report.unsolved_steps} steps not solved",
+        holds=trial.complete and trial.report.unsolved_steps == 0,
     )
 
 
-def _within_thrusts(scene: scenes.Scene, flight: Trial) -> Check:
-    thrusts = np.array(flight.thrusts)
+def _within_thrusts(scene: scenes.Scene, trial: Trial) -> Check:
+    thrusts = np.array(trial.thrusts)
     low, high = scene.vessel.thrust_min_n, scene.vessel.thrust_max_n
     return Check(
         what=f"thrusts, limits {low:g} to {high:g} N",
@@ -171,16 +171,16 @@ def _within_thrusts(scene: scenes.Scene, flight: Trial) -> Check:
     )
 
 
-def _share_within(flight: Trial, window: tuple[float, float]) -> float:
+def _share_within(trial: Trial, window: tuple[float, float]) -> float:
     """The share of the time shown during which the surge is in its window."""
-    time, surge = flight.track[:, 0], flight.track[:, 4]
+    time, surge = trial.track[:, 0], trial.track[:, 4]
     shown = surge[time <= SPAN_S]
     return float(np.mean((shown >= window[0]) & (shown <= window[1])))
 
 
-def _second_mode_s(flight: Trial, horizon: int) -> float:
+def _second_mode_s(trial: Trial, horizon: int) -> float:
     """The time at which the second mode begins, when N_x first falls below N [s]."""
-    return next(step.elapsed_s for step in flight.steps if (step.split_stage or 0) < horizon)
+    return next(step.elapsed_s for step in trial.steps if (step.split_stage or 0) < horizon)
 
 
 def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -188,17 +188,17 @@ def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.max(np.hypot(*(a[:, 1:3] - b[:, 1:3]).T)))
 
 
-def _depth(target: TargetSet, flight: Trial) -> float:
+def _depth(target: TargetSet, trial: Trial) -> float:
     """How far the track goes into a footprint [m]; negative if it stays outside."""
     sides = target.halfspaces[:-2]
-    places = np.array(flight.track)[:, 1:3]
+    places = np.array(trial.track)[:, 1:3]
     return float(np.max(-np.max(places @ sides[:, :2].T - sides[:, 3], axis=1)))
 
 
-def _entries(targets: Sequence[TargetSet], flight: Trial) -> list[tuple[float, float]]:
+def _entries(targets: Sequence[TargetSet], trial: Trial) -> list[tuple[float, float]]:
     """The time at which each set was reached [s], and the surge then [m/s]."""
     entries: list[tuple[float, float]] = []
-    for when, *state in flight.track:
+    for when, *state in trial.track:
         while len(entries) < len(targets) and targets[len(entries)].contains(state):
             entries.append((when, state[3]))
     return entries

@@ -21,10 +21,10 @@ from grebe.control.solvers.base import SolverBuilder
 from grebe.control.solvers.builders import Fatrop
 from grebe.core.sets import TargetSet, rectangle, ring_vertices
 from grebe.core.vessel import Vessel, vessel_named
-from grebe.mission.trial import Conditions, Trial, fly
+from grebe.mission.trial import Conditions, Trial, simulate
 from grebe.planning.cells.mesh import mesh_water, target_footprint
+from grebe.planning.paths.network import connect
 from grebe.planning.route.orders import sweeps
-from grebe.planning.ways.network import connect
 
 State = tuple[float, float, float, float, float, float]
 
@@ -46,10 +46,10 @@ class Scene:
     solver: SolverBuilder
     vessel: Vessel
 
-    def flown(self) -> Trial:
+    def sailed(self) -> Trial:
         """Sail the scene in still water."""
         pilot = Controller(self.vessel, self.targets, self.rule, solver=self.solver)
-        return fly(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
+        return simulate(self.vessel, self.targets, pilot, self.start, Conditions(limit_s=LIMIT_S))
 
 
 def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
@@ -63,7 +63,7 @@ def _scene(targets: tuple[TargetSet, ...], start: State, boat: Vessel) -> Scene:
     )
 
 
-def flown_otherwise(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
+def sailed_with(scene: Scene, rule: Rule, solver: SolverBuilder) -> Scene:
     """Return the scene with another rule and solver."""
     return replace(scene, rule=rule, solver=solver)
 
@@ -106,9 +106,9 @@ def exploration(window: tuple[float, float] = WINDOW_1_2, boat: Vessel = BOAT) -
     the region is not the paper's.
     """
     start = (20.0, 105.0, -math.pi / 2, 0.0, 0.0, 0.0)
-    meshed = mesh_water(region(), CELL_M)
-    order, _ = sweeps(meshed, connect(meshed, region(), CELL_M), start[:2])
-    cells = [meshed[i] for i in order]
+    connected_mesh = mesh_water(region(), CELL_M)
+    order, _ = sweeps(connected_mesh, connect(connected_mesh, region(), CELL_M), start[:2])
+    cells = [connected_mesh[i] for i in order]
     targets = tuple(
         TargetSet(
             vertices=target_footprint(ring_vertices(cell.footprint)),

@@ -38,26 +38,26 @@ def check_plan(survey: Survey, water: shapely.Polygon) -> PlanCheck:
     """Check a survey against the water that its boat may use."""
     shapes = footprints_of(survey.sets)
     pairs = shapely.geometrycollections(np.stack([shapes[:-1], shapes[1:]], axis=-1))
-    ways = [*np.asarray(shapely.convex_hull(pairs)).tolist(), *survey.corridors[1:]]
+    hulls = [*np.asarray(shapely.convex_hull(pairs)).tolist(), *survey.corridors[1:]]
     afloat = False
     if survey.start is not None:
         place = shapely.Point(survey.start.north_m, survey.start.east_m)
         afloat = bool(water.distance(place) <= ROUNDING_M)
         if afloat:
-            ways.append(shapely.convex_hull(shapely.GeometryCollection([place, shapes[0]])))
-            ways += survey.corridors[:1]
+            hulls.append(shapely.convex_hull(shapely.GeometryCollection([place, shapes[0]])))
+            hulls += survey.corridors[:1]
     cells = survey.cells
     overlap = overlap_m2(cells)
     return PlanCheck(
-        outside_m2=_outside_m2(np.array(ways, dtype=object), water),
+        outside_m2=_outside_m2(np.array(hulls, dtype=object), water),
         coverage=covered_share(cells, water, overlap),
         overlap_m2=overlap,
         start_afloat=afloat,
     )
 
 
-def _outside_m2(ways: np.ndarray, water: shapely.Polygon) -> float:
+def _outside_m2(hulls: np.ndarray, water: shapely.Polygon) -> float:
     allowed = water.buffer(ROUNDING_M, join_style="mitre")
     shapely.prepare(allowed)
-    doubtful = ways[~shapely.covers(allowed, ways)]
+    doubtful = hulls[~shapely.covers(allowed, hulls)]
     return float(sum(shapely.area(shapely.difference(doubtful, allowed))))

@@ -14,19 +14,19 @@ from grebe.core.errors import PlanError
 from grebe.core.plan_settings import PlanOutcome, PlanSettings, check_speed
 from grebe.core.sets import drawn_in, footprints_of, polygons_of, rings_of, sets_of
 from grebe.core.survey import Pose, Survey, Target
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.core.vessel import Vessel
 from grebe.planning.budget import SMALLEST_CELL_M, affordable_cell_m
 from grebe.planning.cells.mesh import Cell, target_footprint
 from grebe.planning.check import check_plan
+from grebe.planning.paths.connected_mesh import connected_mesh
+from grebe.planning.paths.corridors import PathFinder, Stop, widened
+from grebe.planning.paths.network import Network
+from grebe.planning.paths.travel import Travel, travel_of
 from grebe.planning.planned import Planned
 from grebe.planning.region import Region, coarsened, navigable_water
 from grebe.planning.route.bounds import lower_bound_m
 from grebe.planning.route.portfolio import Route, best_route
-from grebe.planning.ways.corridors import Stop, Waterways, widened
-from grebe.planning.ways.meshed import meshed
-from grebe.planning.ways.network import Network
-from grebe.planning.ways.travel import Travel, travel_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -132,8 +132,8 @@ class Planner:
     def planned(self, notes: tuple[str, ...]) -> Planned:
         """Return the plan with its check; `notes` are passed on."""
         draft = self.first_draft(quick=False)
-        ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
-        survey = self.survey(draft, ways)
+        finder = PathFinder(draft.cells, draft.network, self.water, draft.cell_m)
+        survey = self.survey(draft, finder)
         outcome = survey.outcome
         assert outcome is not None
         return Planned(
@@ -147,13 +147,13 @@ class Planner:
             return self._affordable(quick=quick)
         return self.draft(cell_m, self._angle(cell_m), quick=quick)
 
-    def survey(self, draft: Draft, ways: Waterways, bound_m: float | None = None) -> Survey:
+    def survey(self, draft: Draft, finder: PathFinder, bound_m: float | None = None) -> Survey:
         """Return the survey of a draft's order: targets, transits, corridors and its figures.
 
         `bound_m` is the lower bound of its length (None: it is computed).
         """
-        stops = self._stops(draft, ways)
-        corridors = self._corridors(draft, stops, ways)
+        stops = self._stops(draft, finder)
+        corridors = self._corridors(draft, stops, finder)
         stops = widened(stops, corridors)
         targets = self._targets(draft, stops)
         return self._survey(
@@ -163,7 +163,7 @@ class Planner:
     def draft(self, cell_m: float, angle_deg: float, *, quick: bool) -> Draft:
         """Return a mesh of the water and an order of its cells."""
         corner = self.given_start or _south_west(self.water)
-        cells, network = meshed(
+        cells, network = connected_mesh(
             self.water, cell_m, shape=self.settings.shape, angle_deg=angle_deg, near=corner
         )
         if all(cell.is_speck for cell in cells):
@@ -226,56 +226,62 @@ class Planner:
         """The part of the budget that a plan uses [s], transits included: its time, or the time for
         which its energy would last a boat that goes straight.
         """
-        ways = Waterways(draft.cells, draft.network, self.water, draft.cell_m)
-        way = self._way_through(draft, self._targets(draft, self._stops(draft, ways)))
+        finder = PathFinder(draft.cells, draft.network, self.water, draft.cell_m)
+        path = self._path_through(draft, self._targets(draft, self._stops(draft, finder)))
         if self.settings.minutes is not None:
-            return self.travel.path_s(way)
-        return 3600.0 * self.travel.path_wh(way) / self.travel.power_w
+            return self.travel.path_s(path)
+        return 3600.0 * self.travel.path_wh(path) / self.travel.power_w
 
     @staticmethod
-    def _way_through(draft: Draft, targets: Sequence[Target]) -> NDArray[np.float64]:
+    def _path_through(draft: Draft, targets: Sequence[Target]) -> NDArray[np.float64]:
         """The shortest path through targets, (n, 2)."""
-        return taut_way(draft.start, footprints_of([target.set for target in targets]))
+        return taut_path(draft.start, footprints_of([target.set for target in targets]))
 
     def mean_power_w(self, draft: Draft) -> float:
         """The mean power of a draft [W], turns included."""
         shapes = [draft.cells[i].footprint for i in draft.route.order.tolist()]
-        return self.travel.mean_power_w(taut_way(draft.start, shapes))
+        return self.travel.mean_power_w(taut_path(draft.start, shapes))
 
     def _budget_s(self) -> float:
         if self.settings.minutes is not None:
             return 60.0 * self.settings.minutes
         return 3600.0 * (self.settings.energy_wh or 0.0) / self.travel.power_w
 
-    def _stops(self, draft: Draft, ways: Waterways) -> list[Stop]:
+    def _stops(self, draft: Draft, finder: PathFinder) -> list[Stop]:
         """Cells and transits: from the start, through all cells, and back if required."""
-        stops = ways.stops(draft.route.order)
+        stops = finder.stops(draft.route.order)
         nearest = int(np.argmin(np.hypot(*(draft.network.centres - draft.start).T)))
         home = nearest if draft.home is None else draft.home
         pair = np.array([self._start_footprint(draft)], dtype=object)
-        if not ways.straight(pair, np.array([stops[0].footprint], dtype=object))[0]:
+        if not finder.straight(pair, np.array([stops[0].footprint], dtype=object))[0]:
             gate = Stop(footprint=draft.cells[home].footprint, cell=None)
             first = int(draft.route.order[0])
-            stops = [*([gate] if home != first else []), *self._way(ways, home, first), *stops]
+            stops = [
+                *([gate] if home != first else []),
+                *self._transits(finder, home, first),
+                *stops,
+            ]
         if self.settings.returns or draft.harbour is not None:
             last = int(draft.route.order[-1])
             place = draft.harbour or draft.cells[home].footprint
             ends = home != last or draft.harbour is not None
             back = [Stop(footprint=place, cell=None)] if ends else []
-            stops = [*stops, *self._way(ways, last, home), *back]
+            stops = [*stops, *self._transits(finder, last, home), *back]
         return stops
 
     @staticmethod
-    def _way(ways: Waterways, a: int, b: int) -> list[Stop]:
-        return [] if a == b else ways.around(a, b)
+    def _transits(finder: PathFinder, a: int, b: int) -> list[Stop]:
+        return [] if a == b else finder.around(a, b)
 
     @staticmethod
     def _start_footprint(draft: Draft) -> shapely.Polygon:
         return shapely.Point(draft.start).buffer(START_RADIUS_M, quad_segs=1)
 
-    def _corridors(self, draft: Draft, stops: list[Stop], ways: Waterways) -> list[shapely.Polygon]:
+    def _corridors(
+        self, draft: Draft, stops: list[Stop], finder: PathFinder
+    ) -> list[shapely.Polygon]:
         footprints = [self._start_footprint(draft), *(stop.footprint for stop in stops)]
-        return ways.corridors(footprints)
+        return finder.corridors(footprints)
 
     def _survey(
         self,
@@ -349,14 +355,14 @@ class Planner:
         within = points[first + 1 : last + 2]
         bound = self.bound_m(draft) if bound_m is None else bound_m
         length = _length(within)
-        way = self._way_through(draft, targets)
+        path = self._path_through(draft, targets)
         return PlanOutcome(
             cell_m=draft.cell_m,
             angle_deg=draft.angle_deg,
             length_m=_length(points),
             turns=_turns(points),
-            time_s=self.travel.path_s(way),
-            energy_wh=self.travel.path_wh(way),
+            time_s=self.travel.path_s(path),
+            energy_wh=self.travel.path_wh(path),
             lower_bound_m=bound,
             gap=length / bound - 1 if bound > 0 else 0.0,
             method=draft.route.method,
@@ -365,7 +371,7 @@ class Planner:
 
 def _through_centres(start: tuple[float, float], stops: list[Stop]) -> NDArray[np.float64]:
     cells = [stop.cell is not None for stop in stops]
-    return taut_way(start, [stop.footprint for stop in stops], centred=cells)
+    return taut_path(start, [stop.footprint for stop in stops], centred=cells)
 
 
 def _length(points: NDArray[np.float64]) -> float:
@@ -373,9 +379,9 @@ def _length(points: NDArray[np.float64]) -> float:
 
 
 def _turns(points: NDArray[np.float64]) -> int:
-    way = np.diff(points, axis=0)
-    way = way[np.hypot(*way.T) > 1e-9]
-    bearing = np.arctan2(way[:, 1], way[:, 0])
+    steps = np.diff(points, axis=0)
+    steps = steps[np.hypot(*steps.T) > 1e-9]
+    bearing = np.arctan2(steps[:, 1], steps[:, 0])
     turned = np.abs((np.diff(bearing) + math.pi) % (2 * math.pi) - math.pi)
     return int(np.sum(turned > TURN_RAD))
 
@@ -388,6 +394,6 @@ def _south_west(water: shapely.Polygon) -> tuple[float, float]:
 def _long_side_deg(water: shapely.Polygon) -> float:
     """Direction of the longer side of the smallest rectangle around the water, in [0, 180)."""
     ring = shapely.get_coordinates(shapely.oriented_envelope(water))
-    way = np.diff(ring[:3], axis=0)
-    north, east = way[int(np.argmax(np.hypot(*way.T)))]
+    sides = np.diff(ring[:3], axis=0)
+    north, east = sides[int(np.argmax(np.hypot(*sides.T)))]
     return math.degrees(math.atan2(east, north)) % 180.0

@@ -13,10 +13,10 @@ from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError
 from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.survey import Survey
-from grebe.core.taut import way_through
+from grebe.core.taut import path_through
 from grebe.planning.check import check_plan
-from grebe.planning.ways.homeward import Homeward, homeward, way_length_m
-from grebe.planning.ways.travel import WANDER, ground_speed, travel_of
+from grebe.planning.paths.routes_home import RoutesHome, path_length_m, routes_home
+from grebe.planning.paths.travel import WANDER, ground_speed, travel_of
 
 # The reserves that a mission's guard keeps for the path home. They are stated again and not taken
 # from the planner, so that an error there does not excuse itself.
@@ -54,26 +54,26 @@ def check_sorties(
     The worst of the weather is a current and a wind as strong as stated, straight against the
     boat on every leg of the path home.
     """
-    ways: dict[tuple[float, float], Homeward] = {}
+    routes: dict[tuple[float, float], RoutesHome] = {}
     found: list[SortieCheck] = []
     for sortie in revision.sorties:
         part = survey_of(survey, revision, sortie)
         home = (sortie.start.north_m, sortie.start.east_m)
-        if home not in ways:
-            ways[home] = homeward(water, home)
+        if home not in routes:
+            routes[home] = routes_home(water, home)
         last = part.targets[-1].set
         found.append(
             SortieCheck(
                 number=sortie.number,
                 outside_m2=check_plan(part, water).outside_m2,
                 from_harbour_m=last.footprint_distance(*home),
-                least_left_s=_least_left_s(part, ways[home]),
+                least_left_s=_least_left_s(part, routes[home]),
             )
         )
     return found
 
 
-def _least_left_s(part: Survey, ways: Homeward) -> float:
+def _least_left_s(part: Survey, routes: RoutesHome) -> float:
     settings, vessel = part.settings, part.vessel
     if settings is None or settings.sorties is None or vessel is None:
         raise PlanError("The survey does not state the limits of its sorties.")
@@ -86,17 +86,17 @@ def _least_left_s(part: Survey, ways: Homeward) -> float:
     through = min(fastest + current, vessel.speed_max_mps)
     thrust = 0.5 * vessel.surge_drag_n(through)
     power_home_w = drive_power_w(vessel, (thrust, thrust), through)
-    way = way_through(part)
+    path = path_through(part)
     bounds, left = settings.sorties, math.inf
-    for k in range(1, len(way)):
-        spent_s = travel.path_s(way[: k + 1])
-        home_m = way_length_m(ways.way_from((float(way[k, 0]), float(way[k, 1]))))
+    for k in range(1, len(path)):
+        spent_s = travel.path_s(path[: k + 1])
+        home_m = path_length_m(routes.path_from((float(path[k, 0]), float(path[k, 1]))))
         home_s = (1 + HOME_SHARE) * WANDER * home_m / pace
         if bounds.minutes is not None:
             limit_s = 60 * bounds.minutes * (1 - bounds.reserve)
             left = min(left, limit_s - spent_s - home_s - HOME_SLACK_S)
         if bounds.battery_wh is not None:
             limit_ws = 3600 * bounds.battery_wh * (1 - bounds.reserve)
-            spare_ws = limit_ws - 3600 * travel.path_wh(way[: k + 1]) - power_home_w * home_s
+            spare_ws = limit_ws - 3600 * travel.path_wh(path[: k + 1]) - power_home_w * home_s
             left = min(left, spare_ws / travel.power_w)
     return left

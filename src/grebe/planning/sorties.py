@@ -16,9 +16,9 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import Vessel
 from grebe.planning.fleets.fleet_times import MOVE_S
 from grebe.planning.fleets.unlike_sorties import share_sorties
+from grebe.planning.merge import checked, merged
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner, planner_of
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
 from grebe.planning.trips.endurance import endurance_of
 from grebe.planning.trips.fewest_trips import Trips, trips_within
@@ -95,7 +95,7 @@ def _is_shared(settings: PlanSettings) -> bool:
 def _laid_out(lake: Lake, trips: Trips, notes: tuple[str, ...]) -> PlannedSorties:
     """The plan of some trips."""
     planner, bound_m = lake.planner, lake.planner.bound_m(lake.draft)
-    survey, revision = put_together(trip_surveys(lake, trips, bound_m), bound_m)
+    survey, revision = merged(trip_surveys(lake, trips, bound_m), bound_m)
     assert survey.outcome is not None
     return PlannedSorties(
         survey=survey, outcome=survey.outcome, check=checked(survey, revision, planner.water),

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 @styled
 def expected_figure(
-    survey: Survey, grid: Grid, sd: NDArray[np.floating], way: NDArray[np.floating]
+    survey: Survey, grid: Grid, sd: NDArray[np.floating], path: NDArray[np.floating]
 ) -> Figure:
     """The expected standard deviation (rows, columns) as a share of the quantity's own, and the
-    path `way` (n, 2) along which samples are taken.
+    path `path` (n, 2) along which samples are taken.
     """
     figure = Figure(figsize=figure_size(survey))
     axes = figure.subplots()
@@ -37,7 +37,7 @@ def expected_figure(
         vmin=0.0,
         vmax=1.0,
     )  # fmt: skip
-    axes.plot(way[:, 1], way[:, 0], color=SKY, lw=0.8, label="path")
+    axes.plot(path[:, 1], path[:, 0], color=SKY, lw=0.8, label="path")
     draw_shore(axes, survey)
     draw_no_go(axes, survey)
     figure.colorbar(

@@ -164,8 +164,8 @@ def _draw_direction(axes: Axes, centres: NDArray[np.float64]) -> None:
     """Draw a few arrows along the path."""
     step = max(1, len(centres) // ARROWS)
     tails = centres[:-1:step]
-    way = (centres[1:] - centres[:-1])[::step]
+    legs = (centres[1:] - centres[:-1])[::step]
     axes.quiver(
-        tails[:, 1], tails[:, 0], way[:, 1], way[:, 0], color=VERMILLION, angles="xy",
+        tails[:, 1], tails[:, 0], legs[:, 1], legs[:, 0], color=VERMILLION, angles="xy",
         scale_units="xy", scale=1, width=0.004, headwidth=6, headlength=7, headaxislength=6,
     )  # fmt: skip

@@ -164,10 +164,10 @@ def _facts(data: ReportData, t: Texts) -> list[tuple[str, str]]:
             (t["window"], t("of", part=data.in_window, whole=samples)),
         ]  # fmt: skip
     if len(data.track):
-        ways = [np.diff(one.states[:, :2], axis=0) for one in data.track.each_boat()]
+        steps_of_boats = [np.diff(one.states[:, :2], axis=0) for one in data.track.each_boat()]
         facts += [
             (t["duration"], _duration(float(data.track.seconds[-1]), t)),
-            (t["track"], f"{sum(np.hypot(*way.T).sum() for way in ways):.0f} m"),
+            (t["track"], f"{sum(np.hypot(*steps.T).sum() for steps in steps_of_boats):.0f} m"),
             (t["began"], f"{data.track.times[0]:%Y-%m-%d %H:%M} UTC"),
         ]
     elif len(data.samples):

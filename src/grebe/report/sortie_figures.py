@@ -62,8 +62,8 @@ def sorties_figure(survey: Survey, revision: PlanRevision) -> Figure:
             )
         )
         start = (sortie.start.north_m, sortie.start.east_m)
-        way = np.array([start, *(t.set.centre for t in part.targets)])
-        axes.plot(way[:, 1], way[:, 0], color=BLACK, lw=0.4 if many else 0.7, alpha=0.8)
+        path = np.array([start, *(t.set.centre for t in part.targets)])
+        axes.plot(path[:, 1], path[:, 0], color=BLACK, lw=0.4 if many else 0.7, alpha=0.8)
         middle = np.median([t.set.centre for t in cells], axis=0)
         nearest = min(cells, key=lambda t: float(np.hypot(*(t.set.centre - middle))))
         north, east = nearest.set.centre

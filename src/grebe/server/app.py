@@ -165,7 +165,7 @@ class App:
         tab = requests.tab_of(request)
         if self.fleet.lease.holder is None:
             self.fleet.lease.take(tab)
-            self.fleet.tell_lease()
+            self.fleet.send_lease()
         self._steers(tab)
         await watch.begin(voyage)
         return JSONResponse(watch.snapshot(tab)["status"], status_code=201)
@@ -191,7 +191,7 @@ class App:
             self.fleet.lease.take(tab)
         else:
             self.fleet.lease.leave(tab)
-        self.fleet.tell_lease()
+        self.fleet.send_lease()
         return JSONResponse(self.fleet.lease.seen_by(tab))
 
     async def events(self, request: Request) -> Response:

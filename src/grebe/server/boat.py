@@ -15,10 +15,10 @@ from grebe.core.dynamics import Weather
 from grebe.core.errors import GrebeError
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Observation
-from grebe.links.passing import PassingLink
+from grebe.links.forwarding import ForwardingLink
 from grebe.mission.departure import Departure
 from grebe.server.mission_request import Voyage
-from grebe.server.mission_socket import listened_to
+from grebe.server.mission_socket import serve_clients
 from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.kernel_cache import compile_controller
 from grebe.workflow.quality import check_samples
@@ -27,7 +27,7 @@ from grebe.workflow.simulated import SimulatedWorld
 from grebe.workflow.steering_names import rule_named
 
 
-class Paced(PassingLink):
+class Paced(ForwardingLink):
     """A simulated boat that runs `rate` times as fast as the clock."""
 
     def __init__(self, link: BoatLink, rate: float) -> None:
@@ -67,16 +67,16 @@ def sail(path: Path, voyage: Voyage) -> None:
             link = open_boat(departure)
             return Paced(link, voyage.rate) if voyage.link == "sim:" else link
 
-        with listened_to(survey_file) as ears:
+        with serve_clients(survey_file) as mission_socket:
             run_survey(
                 survey_file,
-                ears.beside(boat_at),
+                mission_socket.with_status(boat_at),
                 steered_by(rule_named(voyage.rule)),
                 datetime.now(UTC),
                 resume=voyage.resume,
                 force=voyage.force,
-                listeners=[ears.hear],
-                on_ready=ears.obeys,
+                listeners=[mission_socket.on_event],
+                on_ready=mission_socket.attach,
             )
             check_samples(survey_file)
 

@@ -27,7 +27,7 @@ from grebe.server.fleet_state import carried_on, part_of, together
 from grebe.server.mission_delta import iso
 from grebe.server.mission_request import Voyage
 from grebe.server.mission_socket import live_path
-from grebe.server.tabs import Lease, Message, Past, Tab, message
+from grebe.server.tabs import Lease, Message, Past, Tab, encoded_message
 
 KEEP_S = 5.0
 # Longest wait for a new mission; the first one compiles its controller [s].
@@ -40,7 +40,7 @@ LEASE = Message("lease", b"")
 UNDER_WAY = ("running", "paused", "returning")
 
 
-class Watch:
+class MissionWatch:
     """One survey: its state, its tabs, and the connection to its mission while there is one."""
 
     def __init__(self, survey_id: str, path: Path, lease: Lease) -> None:
@@ -49,7 +49,7 @@ class Watch:
         self._past = Past()
         self.state: dict[str, Any] = {}
         self.map_version = 0
-        self._map_told = 0.0
+        self._map_sent_s = 0.0
         self._writer: asyncio.StreamWriter | None = None
         self._listening: asyncio.Task[None] | None = None
         self._lock = asyncio.Lock()
@@ -76,11 +76,11 @@ class Watch:
 
     async def _connect(self) -> None:
         try:
-            told = json.loads(live_path(self.path).read_text(encoding="ascii"))
+            address = json.loads(live_path(self.path).read_text(encoding="ascii"))
             reader, writer = await asyncio.wait_for(
-                asyncio.open_connection("127.0.0.1", int(told["port"]), limit=2**22), 2.0
+                asyncio.open_connection("127.0.0.1", int(address["port"]), limit=2**22), 2.0
             )
-            writer.write(f"{told['key']}\n".encode())
+            writer.write(f"{address['key']}\n".encode())
             await writer.drain()
         except (OSError, ValueError, KeyError, TypeError, TimeoutError):
             return
@@ -91,11 +91,11 @@ class Watch:
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         try:
             while line := await reader.readline():
-                told = json.loads(line)
-                self._take(told)
-                if told.get("revised"):
+                message = json.loads(line)
+                self._apply(message)
+                if message.get("revised"):
                     await self._read()
-                    self._tell_all_anew()
+                    self._send_snapshots()
         except (OSError, ValueError):
             pass
         self._writer = None
@@ -107,47 +107,47 @@ class Watch:
         with contextlib.suppress(Exception):
             await self._read()
         self.map_version += 1
-        self._tell_all_anew()
+        self._send_snapshots()
 
-    def _tell_all_anew(self) -> None:
+    def _send_snapshots(self) -> None:
         self._past.forget()
         for tab in self.tabs:
-            tab.tell_all()
+            tab.send_snapshot()
 
-    def _tell(self, kind: str, what: Any) -> None:
-        told = self._past.add(kind, what)
+    def _send(self, kind: str, what: Any) -> None:
+        message = self._past.add(kind, what)
         for tab in self.tabs:
-            tab.tell(told)
+            tab.send(message)
 
-    def _take(self, told: dict[str, Any]) -> None:
+    def _apply(self, message: dict[str, Any]) -> None:
         """Apply a message of a mission, or of one boat of a fleet, and pass it on to the tabs."""
         state = self.state
         if state["begins"] is None:
-            state["begins"] = told["time"]
+            state["begins"] = message["time"]
         zero: float = state["begins"]
-        one = part_of(state, told.get("boat"))
-        delta: dict[str, Any] = {"t": told["time"] - zero, "heard": told["heard"]}
+        one = part_of(state, message.get("boat"))
+        delta: dict[str, Any] = {"t": message["time"] - zero, "heard": message["heard"]}
         for name in ("estimate", "thrusts", "horizon", "current"):
-            if name in told:
-                one[name] = delta[name] = told[name]
-        self._take_lists(told, delta, zero)
-        one["status"] |= told["status"]
+            if name in message:
+                one[name] = delta[name] = message[name]
+        self._apply_lists(message, delta, zero)
+        one["status"] |= message["status"]
         status = state["status"]
         if one is not state:
-            delta |= {"boat": told["boat"], "own": one["status"]}
+            delta |= {"boat": message["boat"], "own": one["status"]}
             status |= together(state["boats"])
-        status["time"] = iso(datetime.fromtimestamp(told["time"], UTC))
+        status["time"] = iso(datetime.fromtimestamp(message["time"], UTC))
         status["t"] = delta["t"]
         status["coverage"] = status["reached"] / max(1, status["targets"])
         delta["status"] = status
-        self._tell("delta", delta)
-        if told.get("samples") and told["time"]:
-            self._tell_map()
+        self._send("delta", delta)
+        if message.get("samples") and message["time"]:
+            self._send_map()
 
-    def _take_lists(self, told: dict[str, Any], delta: dict[str, Any], zero: float) -> None:
+    def _apply_lists(self, message: dict[str, Any], delta: dict[str, Any], zero: float) -> None:
         state = self.state
-        one = part_of(state, told.get("boat"))
-        track = [point for point in told.get("track", ()) if point[0] > one["last"]]
+        one = part_of(state, message.get("boat"))
+        track = [point for point in message.get("track", ()) if point[0] > one["last"]]
         if track:
             one["track"] = [*one["track"], *track][-TRACK_KEPT:]
             delta["track"] = [[point[0] - zero, *point[1:]] for point in track]
@@ -156,27 +156,27 @@ class Watch:
         # Samples sent while the file was being read are also in the file.
         samples: list[Any] = [
             [at, lon, lat, [values[i] for i in places]]
-            for at, lon, lat, values in told.get("samples", ())
+            for at, lon, lat, values in message.get("samples", ())
             if at > one["sampled"]
         ]
         if samples:
             one["samples"] = [*one["samples"], *samples][-SAMPLES_KEPT:]
             state["status"]["samples"] += len(samples)
             delta["samples"] = [[each[0] - zero, *each[1:]] for each in samples]
-        if told.get("targets"):
-            delta["targets"] = self._take_targets(told, counts=one is not state)
-        if told.get("events"):
-            state["events"] = [*state["events"], *told["events"]][-views.LOG_LINES :]
-            delta["events"] = [_since(event, zero) for event in told["events"]]
+        if message.get("targets"):
+            delta["targets"] = self._apply_targets(message, counts=one is not state)
+        if message.get("events"):
+            state["events"] = [*state["events"], *message["events"]][-views.LOG_LINES :]
+            delta["events"] = [_event_since(event, zero) for event in message["events"]]
 
-    def _take_targets(self, told: dict[str, Any], *, counts: bool) -> list[Any]:
+    def _apply_targets(self, message: dict[str, Any], *, counts: bool) -> list[Any]:
         """Apply the changes of targets and return them as [number, state]. A boat of a fleet counts
         only its own targets, so with `counts` the survey's count is updated here.
         """
-        reached: set[int] = {seq for seq, word in told["targets"] if word == "reached"}
+        reached: set[int] = {seq for seq, word in message["targets"] if word == "reached"}
         changes: list[Any] = [
-            *([seq, "open"] for seq in told.get("left", ()) if self._is_current(seq)),
-            *told["targets"],
+            *([seq, "open"] for seq in message.get("left", ()) if self._is_current(seq)),
+            *message["targets"],
         ]
         changes = [one for one in changes if one[1] == "reached" or one[0] not in reached]
         targets = self._by_number()
@@ -197,13 +197,13 @@ class Watch:
         """The targets by their numbers, which after a revision differ from their positions."""
         return {one["seq"]: one for one in self.state["targets"]}
 
-    def _tell_map(self) -> None:
+    def _send_map(self) -> None:
         now = asyncio.get_running_loop().time()
-        if now - self._map_told < MAP_EACH_S:
+        if now - self._map_sent_s < MAP_EACH_S:
             return
-        self._map_told = now
+        self._map_sent_s = now
         self.map_version += 1
-        self._tell("map", {"quantity": "", "version": self.map_version})
+        self._send("map", {"quantity": "", "version": self.map_version})
 
     def snapshot(self, tab: str) -> dict[str, Any]:
         """The complete state, as sent to a tab."""
@@ -211,9 +211,9 @@ class Watch:
         zero = state["begins"] or 0.0
         last = max([state["last"], *(one["last"] for one in state["boats"])])
         return {
-            **_told_since(state, zero),
-            "boats": [_told_since(one, zero) for one in state["boats"]],
-            "events": [_since(event, zero) for event in state["events"]],
+            **_public_state(state, zero),
+            "boats": [_public_state(one, zero) for one in state["boats"]],
+            "events": [_event_since(event, zero) for event in state["events"]],
             "status": {"t": max(0.0, last - zero), **state["status"]},
             "lease": self.lease.seen_by(tab),
             "map_version": self.map_version,
@@ -255,7 +255,7 @@ class Watch:
         await self._read()
         await self.ready()
         self.state["status"] |= {"rate": voyage.rate, "link": voyage.link}
-        self._tell_all_anew()
+        self._send_snapshots()
 
     async def _ended(self) -> None:
         """Wait until a finished mission disconnects; raise `InputError` if one is under way."""
@@ -279,41 +279,41 @@ class Watch:
             if missed is None:
                 yield self._all(tab)
             else:
-                yield b"".join(told.text for told in (*missed, self._lease_of(tab)))
+                yield b"".join(message.text for message in (*missed, self._lease_of(tab)))
             while True:
                 try:
-                    told = await asyncio.wait_for(tab.queue.get(), KEEP_S)
+                    message = await asyncio.wait_for(tab.queue.get(), KEEP_S)
                 except TimeoutError:
                     if not self.under_way:
-                        await self._look_again(tab)
+                        await self._reconnect(tab)
                     yield b": keep\n\n"
                     continue
                 if tab.behind:
                     tab.catch_up()
                     yield self._all(tab)
-                elif told.kind == "lease":
+                elif message.kind == "lease":
                     yield self._lease_of(tab).text
-                elif told.text:
-                    yield told.text
+                elif message.text:
+                    yield message.text
         finally:
             self.tabs.remove(tab)
             self.lease.expect(tab.name, lambda: any(one.name == tab.name for one in self.tabs))
 
     def _all(self, tab: Tab) -> bytes:
-        return message("snapshot", self.snapshot(tab.name), self._past.number).text
+        return encoded_message("snapshot", self.snapshot(tab.name), self._past.number).text
 
     def _lease_of(self, tab: Tab) -> Message:
-        return message("lease", self.lease.seen_by(tab.name))
+        return encoded_message("lease", self.lease.seen_by(tab.name))
 
-    async def _look_again(self, tab: Tab) -> None:
+    async def _reconnect(self, tab: Tab) -> None:
         """Connect to a mission that was started outside the app, if there is one."""
         if live_path(self.path).exists():
             await self.ready()
             if self.under_way:
-                tab.tell_all()
+                tab.send_snapshot()
 
 
-def _told_since(one: dict[str, Any], zero: float) -> dict[str, Any]:
+def _public_state(one: dict[str, Any], zero: float) -> dict[str, Any]:
     """The public part of a state, with times in seconds since the mission began (`zero`)."""
     hidden = ("begins", "last", "sampled", "order")
     return {
@@ -323,7 +323,7 @@ def _told_since(one: dict[str, Any], zero: float) -> dict[str, Any]:
     }
 
 
-def _since(event: dict[str, Any], zero: float) -> dict[str, Any]:
+def _event_since(event: dict[str, Any], zero: float) -> dict[str, Any]:
     return {**{k: v for k, v in event.items() if k != "at"}, "t": event["at"] - zero}
 
 
@@ -333,14 +333,14 @@ class Fleet:
     def __init__(self, surveys: library.Library) -> None:
         self.surveys = surveys
         self.lease = Lease()
-        self._watches: dict[str, Watch] = {}
+        self._watches: dict[str, MissionWatch] = {}
 
-    def watch(self, survey_id: str) -> Watch:
+    def watch(self, survey_id: str) -> MissionWatch:
         """The watch of a survey."""
         path = self.surveys.path(survey_id)
         watch = self._watches.get(survey_id)
         if watch is None:
-            watch = self._watches[survey_id] = Watch(survey_id, path, self.lease)
+            watch = self._watches[survey_id] = MissionWatch(survey_id, path, self.lease)
         return watch
 
     def forget(self, survey_id: str) -> None:
@@ -354,8 +354,8 @@ class Fleet:
             return None
         return str(watch.state["status"]["state"])
 
-    def tell_lease(self) -> None:
+    def send_lease(self) -> None:
         """Tell all tabs who steers."""
         for watch in self._watches.values():
             for tab in watch.tabs:
-                tab.tell(LEASE)
+                tab.send(LEASE)

@@ -52,7 +52,7 @@ def number(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-class Telling:
+class MissionDelta:
     """Listens to a mission; `take` returns the changes since the last `take`, or None.
 
     Times are unix seconds, positions degrees; `quantities` is the order of a sample's values.
@@ -78,10 +78,10 @@ class Telling:
             changed, self._changed = self._changed, {}
             if not changed:
                 return None
-            changed["status"] = {**self._status, **self._of_the_boat()}
+            changed["status"] = {**self._status, **self._link_status()}
             return changed
 
-    def hear(self, event: MissionEvent) -> None:
+    def on_event(self, event: MissionEvent) -> None:
         """Take in one event of the mission."""
         with self._lock:
             self._changed["time"] = event.time.timestamp()
@@ -177,7 +177,7 @@ class Telling:
             each_s = (event.time.timestamp() - self._began) / done
             self._status["eta_s"] = round(left * each_s, 1)
 
-    def _of_the_boat(self) -> dict[str, Any]:
+    def _link_status(self) -> dict[str, Any]:
         if self.link is None:
             return {}
         status = self.link.status()

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grebe.server.mission_delta import Telling
+from grebe.server.mission_delta import MissionDelta
 
 if TYPE_CHECKING:
     from grebe.core.events import MissionEvent
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from grebe.mission.loop import Mission
 
 # Time between two messages [s].
-EACH_S = 0.1
+PERIOD_S = 0.1
 # A client that has not accepted a message for this long is dropped [s].
-PATIENCE_S = 2.0
-PATIENCE = struct.pack("ll", int(PATIENCE_S), 0)
+TIMEOUT_S = 2.0
+TIMEOUT = struct.pack("ll", int(TIMEOUT_S), 0)
 BY_THE_APP = "by the operator in the app"
 
 
@@ -42,109 +42,111 @@ def live_path(survey: Path) -> Path:
     return survey.with_name(survey.name + ".live")
 
 
-class Ears:
+class MissionSocket:
     """The clients of a mission, or of the missions of a fleet's boats, by the boats' numbers. Every
     client hears of all missions, and its orders go to all. A fleet's messages name their boat.
     """
 
-    def __init__(self, tellings: Mapping[int, Telling], *, of_fleet: bool) -> None:
-        self.tellings, self._of_fleet = dict(tellings), of_fleet
-        self._alone = 1
+    def __init__(self, deltas: Mapping[int, MissionDelta], *, of_fleet: bool) -> None:
+        self.deltas, self._of_fleet = dict(deltas), of_fleet
+        self._boat = 1
         self._missions: dict[int, Mission] = {}
         self._clients: list[socket.socket] = []
         self._lock = threading.Lock()
         self._key = secrets.token_urlsafe(24)
-        self._door = socket.create_server(("127.0.0.1", 0))
+        self._server_socket = socket.create_server(("127.0.0.1", 0))
 
     def open(self, beside: Path) -> None:
         """Write the .live file beside the survey, and accept clients."""
         text = json.dumps(
-            {"port": self._door.getsockname()[1], "key": self._key, "pid": os.getpid()}
+            {"port": self._server_socket.getsockname()[1], "key": self._key, "pid": os.getpid()}
         )
         path = live_path(beside)
         path.unlink(missing_ok=True)
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
             file.write(text)
-        for work in (self._let_in, self._tell):
+        for work in (self._accept_clients, self._send_changes):
             threading.Thread(target=work, daemon=True).start()
 
-    def beside(self, boat_at: Callable[[Departure], BoatLink]) -> Callable[[Departure], BoatLink]:
+    def with_status(
+        self, boat_at: Callable[[Departure], BoatLink]
+    ) -> Callable[[Departure], BoatLink]:
         """The same link, whose status is also sent to the clients."""
 
         def opened(departure: Departure) -> BoatLink:
-            self._alone = 1 if departure.sortie is None else departure.sortie.boat
-            self.tellings[self._alone].link = link = boat_at(departure)
+            self._boat = 1 if departure.sortie is None else departure.sortie.boat
+            self.deltas[self._boat].link = link = boat_at(departure)
             return link
 
         return opened
 
-    def hear(self, event: MissionEvent, boat: int | None = None) -> None:
+    def on_event(self, event: MissionEvent, boat: int | None = None) -> None:
         """Take in an event of a boat's mission; without a number, of the boat opened last."""
-        self.tellings[boat or self._alone].hear(event)
+        self.deltas[boat or self._boat].on_event(event)
 
-    def obeys(self, mission: Mission, boat: int | None = None) -> None:
+    def attach(self, mission: Mission, boat: int | None = None) -> None:
         """Direct the orders for a boat to this mission from now on."""
-        self._missions[boat or self._alone] = mission
+        self._missions[boat or self._boat] = mission
 
     def close(self, beside: Path) -> None:
         """Send the last changes, and disconnect the clients."""
-        self._tell_once()
+        self._send_once()
         live_path(beside).unlink(missing_ok=True)
         with self._lock:
             for client in self._clients:
                 client.close()
-        self._door.close()
+        self._server_socket.close()
 
-    def _let_in(self) -> None:
+    def _accept_clients(self) -> None:
         while True:
             try:
-                client, _ = self._door.accept()
+                client, _ = self._server_socket.accept()
             except OSError:
                 return
-            threading.Thread(target=self._hear, args=(client,), daemon=True).start()
+            threading.Thread(target=self._serve_client, args=(client,), daemon=True).start()
 
-    def _hear(self, client: socket.socket) -> None:
+    def _serve_client(self, client: socket.socket) -> None:
         """Accept a client that knows the key, and follow its orders."""
         try:
-            client.settimeout(PATIENCE_S)
+            client.settimeout(TIMEOUT_S)
             lines = client.makefile("r", encoding="utf-8")
             if not secrets.compare_digest(lines.readline(200).strip(), self._key):
                 client.close()
                 return
             client.settimeout(None)
             # A time-out of the whole socket would also end the reading of orders, which may wait.
-            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, PATIENCE)
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, TIMEOUT)
             with self._lock:
                 self._clients.append(client)
             while line := lines.readline(200):
-                self._obey(line.strip())
+                self._execute(line.strip())
         except (OSError, UnicodeDecodeError):
             pass
 
-    def _obey(self, order: str) -> None:
+    def _execute(self, order: str) -> None:
         for mission in tuple(self._missions.values()):
-            deeds = {
+            actions = {
                 "pause": mission.hold_station,
                 "continue": mission.go_on,
                 "return": mission.come_home,
                 "stop": mission.stop,
             }
-            if order in deeds:
-                deeds[order](BY_THE_APP)
+            if order in actions:
+                actions[order](BY_THE_APP)
 
-    def _tell(self) -> None:
+    def _send_changes(self) -> None:
         while True:
-            time.sleep(EACH_S)
-            self._tell_once()
+            time.sleep(PERIOD_S)
+            self._send_once()
 
-    def _tell_once(self) -> None:
-        for boat, telling in self.tellings.items():
-            told = telling.take()
-            if told is not None:
-                self._say({**told, "boat": boat} if self._of_fleet else told)
+    def _send_once(self) -> None:
+        for boat, delta in self.deltas.items():
+            changes = delta.take()
+            if changes is not None:
+                self._send({**changes, "boat": boat} if self._of_fleet else changes)
 
-    def _say(self, told: dict[str, Any]) -> None:
-        line = json.dumps(told, allow_nan=False).encode() + b"\n"
+    def _send(self, changes: dict[str, Any]) -> None:
+        line = json.dumps(changes, allow_nan=False).encode() + b"\n"
         with self._lock:
             for client in tuple(self._clients):
                 try:
@@ -155,14 +157,14 @@ class Ears:
 
 
 @contextmanager
-def listened_to(survey_file: SurveyFile) -> Generator[Ears]:
+def serve_clients(survey_file: SurveyFile) -> Generator[MissionSocket]:
     """Let clients watch the mission of a file, or those of its fleet, until the context ends."""
     survey, quantities = survey_file.survey, list(survey_file.quantities)
     boats = 1 if survey.fleet is None else survey.fleet.boats
-    tellings = {boat: Telling(survey, quantities) for boat in range(1, boats + 1)}
-    ears = Ears(tellings, of_fleet=boats > 1)
-    ears.open(survey_file.path)
+    deltas = {boat: MissionDelta(survey, quantities) for boat in range(1, boats + 1)}
+    mission_socket = MissionSocket(deltas, of_fleet=boats > 1)
+    mission_socket.open(survey_file.path)
     try:
-        yield ears
+        yield mission_socket
     finally:
-        ears.close(survey_file.path)
+        mission_socket.close(survey_file.path)

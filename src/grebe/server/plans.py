@@ -17,7 +17,7 @@ from grebe.core.errors import GrebeError, InputError, UsageError
 from grebe.core.frames import LocalFrame
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
-from grebe.core.taut import way_through
+from grebe.core.taut import path_through
 from grebe.core.vessel import vessel_named
 from grebe.io.store import SurveyFile
 from grebe.planning.planned import Planned
@@ -160,7 +160,7 @@ def _settings(given: dict[str, Any], region: Region) -> PlanSettings:
 def _shown(planned: Planned) -> dict[str, Any]:
     survey, outcome = planned.survey, planned.outcome
     missing = _uncovered(survey)
-    line = shapely.LineString(way_through(survey))
+    line = shapely.LineString(path_through(survey))
     outside = line.difference(survey.water.buffer(0.05)).length
     return {
         "targets": {

@@ -32,7 +32,7 @@ class Message(NamedTuple):
 NOTHING = Message("nothing", b"")
 
 
-def message(kind: str, what: Any, number: str = "") -> Message:
+def encoded_message(kind: str, what: Any, number: str = "") -> Message:
     """A message, encoded once for all tabs; with `number` a reader can resume after it."""
     known = f"id: {number}\n" if number else ""
     body = json.dumps(what, allow_nan=False)
@@ -55,9 +55,9 @@ class Past:
     def add(self, kind: str, what: Any) -> Message:
         """Make a message, number it and keep it."""
         self._count += 1
-        told = message(kind, what, self.number)
-        self._kept.append(told)
-        return told
+        message = encoded_message(kind, what, self.number)
+        self._kept.append(message)
+        return message
 
     def forget(self) -> None:
         """Drop all messages when they no longer lead to the present state, so that readers who come
@@ -85,16 +85,16 @@ class Tab:
     queue: asyncio.Queue[Message] = field(default_factory=lambda: asyncio.Queue(QUEUE))
     behind: bool = False
 
-    def tell(self, told: Message) -> None:
+    def send(self, message: Message) -> None:
         """Queue a message, or note that the tab has fallen behind."""
         if self.behind:
             return
         try:
-            self.queue.put_nowait(told)
+            self.queue.put_nowait(message)
         except asyncio.QueueFull:
             self.behind = True
 
-    def tell_all(self) -> None:
+    def send_snapshot(self) -> None:
         """Have the tab receive a new snapshot."""
         self.behind = True
         with contextlib.suppress(asyncio.QueueFull):

@@ -19,7 +19,7 @@ import shapely
 
 from grebe.core.errors import GrebeError, InputError, PlanError, UsageError
 from grebe.core.plan_settings import PATTERNS, PlanSettings
-from grebe.core.taut import way_through
+from grebe.core.taut import path_through
 from grebe.core.vessel import Vessel
 from grebe.io.store import SurveyFile
 from grebe.mapping.covariance.models import PRACTICAL_RANGE, CovarianceModel
@@ -61,9 +61,9 @@ class Expected:
     said: str
 
     @property
-    def way(self) -> Array:
+    def path(self) -> Array:
         """The shortest (taut) path (n, 2) along which samples are taken."""
-        return way_through(self.planned.survey)
+        return path_through(self.planned.survey)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ def expected(planned: Planned, prior: CovarianceModel, said: str = "") -> Expect
     survey = planned.survey
     grid = make_grid(survey.water, math.sqrt(survey.water.area / NODES))
     pace_m = max(planned.outcome.length_m / max(planned.outcome.time_s, 1.0), 0.1)
-    variance = expected_variance(way_through(survey), grid.nodes, prior, pace_m)
+    variance = expected_variance(path_through(survey), grid.nodes, prior, pace_m)
     share = math.sqrt(float(np.mean(variance)) / prior.sill)
     return Expected(
         planned=planned, grid=grid, sd=grid.spread(np.sqrt(variance / prior.sill)), share=share,

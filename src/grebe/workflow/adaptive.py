@@ -18,7 +18,7 @@ from grebe.core.revision import PlanRevision
 from grebe.core.samples import Samples
 from grebe.core.sets import TargetSet, drawn_in, footprints_of, polygons_of, rings_of
 from grebe.core.survey import Survey, Target
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.mapping.fields.sequential import sequential
 from grebe.mapping.grid import make_grid
 from grebe.mapping.local_variation import local_variation
@@ -27,11 +27,11 @@ from grebe.mapping.quantity_map import QuantityMap
 from grebe.mapping.scale import LINEAR
 from grebe.mapping.threads import one_blas_thread
 from grebe.planning.cells.mesh import mesh_water, target_footprint
+from grebe.planning.paths.place_paths import PlacePaths, place_paths
+from grebe.planning.paths.travel import Travel, travel_of
 from grebe.planning.region import water_of
 from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
 from grebe.planning.revisions.revise import Halfway, OpenWater, put_in_order
-from grebe.planning.ways.place_ways import PlaceWays, place_ways
-from grebe.planning.ways.travel import Travel, travel_of
 from grebe.workflow.wish import Wish
 
 if TYPE_CHECKING:
@@ -107,9 +107,9 @@ def adapted(
     travel = travel_of(vessel, window, settings.weather)
     pace = 1 / float(np.mean(travel.slowness))
     worth = worth_of(survey, samples, quantities, places, wish, open_.cell_m / pace)
-    ways = place_ways(places, open_.cell_m, open_.water)
-    ahead = once_read(worth, ways, announced)
-    route, left, sails_s = _best_route(ahead, ways, open_, travel, place, wish)
+    paths = place_paths(places, open_.cell_m, open_.water)
+    ahead = once_read(worth, paths, announced)
+    route, left, sails_s = _best_route(ahead, paths, open_, travel, place, wish)
     before, after = (weighted_sd(one, worth.weights) for one in (np.diag(worth.covariance), left))
     # New paths around land are numbered after all the places that could be visited.
     known = max(target.seq for target in open_.targets)
@@ -129,7 +129,7 @@ def adapted(
 
 def _best_route(
     worth: Worth,
-    ways: PlaceWays,
+    paths: PlacePaths,
     open_: OpenWater,
     travel: Travel,
     place: tuple[float, float],
@@ -142,15 +142,15 @@ def _best_route(
     """
     pace = 1 / float(np.mean(travel.slowness))
     turn_m = travel.turn_s_per_rad * pace
-    nearest = int(np.argmin(np.hypot(*(ways.places - np.array(place)).T)))
+    nearest = int(np.argmin(np.hypot(*(paths.places - np.array(place)).T)))
     route: list[int] = []
     sails_s = 0.0
     left, most_s, allowed_s = np.diag(worth.covariance), 60 * wish.minutes, 60 * wish.minutes
     for _ in range(FITTINGS):
-        found, then = chosen_places(worth, ways, nearest, allowed_s, pace, turn_m)
+        found, then = chosen_places(worth, paths, nearest, allowed_s, pace, turn_m)
         if not found:
             break
-        takes_s = _predicted_s(open_, ways, travel, place, [nearest, *found])
+        takes_s = _predicted_s(open_, paths, travel, place, [nearest, *found])
         if takes_s <= most_s and len(found) >= len(route):
             route, left, sails_s = found, then, takes_s
         if FULL * most_s <= takes_s <= most_s:
@@ -166,15 +166,15 @@ def _best_route(
 
 def _predicted_s(
     open_: OpenWater,
-    ways: PlaceWays,
+    paths: PlacePaths,
     travel: Travel,
     place: tuple[float, float],
-    way: list[int],
+    tour: list[int],
 ) -> float:
     """Return the predicted time [s] of the path through some places: taut, and around land."""
-    taut = taut_way(place, footprints_of([open_.targets[one].set for one in way[1:]]))
-    straight = np.hypot(*np.diff(ways.places[way], axis=0).T)
-    around_m = float((ways.lengths_m[way[:-1], way[1:]] - straight).sum())
+    taut = taut_path(place, footprints_of([open_.targets[one].set for one in tour[1:]]))
+    straight = np.hypot(*np.diff(paths.places[tour], axis=0).T)
+    around_m = float((paths.lengths_m[tour[:-1], tour[1:]] - straight).sum())
     return travel.path_s(taut) + around_m * float(np.mean(travel.slowness))
 
 

@@ -11,7 +11,7 @@ from grebe.core.revision import PlanRevision
 from grebe.io.store import SurveyFile
 from grebe.planning.revisions.revise import Halfway
 from grebe.workflow.adaptive import adapted
-from grebe.workflow.announced import announced, lying
+from grebe.workflow.announced import announced, moored_areas
 from grebe.workflow.quality import judged
 from grebe.workflow.wish import Wish
 
@@ -47,12 +47,12 @@ class Onward:
         minutes = self._next_minutes(time_s)
         with SurveyFile.open(self.path) as file:
             survey, quantities, samples = file.survey, file.quantities, file.samples()
-            ways = announced(file, revision, halfway.sortie, sailing)
-            closed = [] if self.sailing is None else lying(file, sailing)
+            paths = announced(file, revision, halfway.sortie, sailing)
+            closed = [] if self.sailing is None else moored_areas(file, sailing)
         samples = replace(samples, flags=judged(samples, survey.water, quantities).flags)
         shorter = replace(wish, minutes=minutes)
         found = adapted(
-            survey, revision, samples, quantities, halfway, shorter, announced=ways, closed=closed
+            survey, revision, samples, quantities, halfway, shorter, announced=paths, closed=closed
         )
         if wish.sd is not None and found.before_sd <= wish.sd:
             raise PlanError(f"{wish.quantity} is known to {found.before_sd:.3g} everywhere")

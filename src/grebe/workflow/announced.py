@@ -9,14 +9,14 @@ import shapely
 
 from grebe.core.revision import PlanRevision, Sortie, as_planned
 from grebe.core.sets import footprints_of
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.io.store import SurveyFile
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    Way = NDArray[np.float64]
+    Polyline = NDArray[np.float64]
 
 # Room around a boat that stays where it is, beyond the distance that boats keep [m]: it wanders,
 # and the one that passes is not a point.
@@ -25,7 +25,7 @@ ROOM_M = 5.0
 
 def announced(
     file: SurveyFile, revision: PlanRevision, own: Sortie | None, sailing: Collection[int]
-) -> list[Way]:
+) -> list[Polyline]:
     """Return the taut paths (k, 2) through what the other sorties of a revision have left.
 
     Each begins where its boat was last. There are none if there is only one mission. For a boat
@@ -41,7 +41,7 @@ def announced(
         if when is not None
     }
     planned = {target.seq for target in as_planned(file.revisions()).targets}
-    ways: list[Way] = []
+    paths: list[Polyline] = []
     for sortie in revision.sorties:
         left = [
             target
@@ -50,8 +50,8 @@ def announced(
         ]
         if sortie.number != own.number and left:
             sets = footprints_of([target.set for target in left])
-            ways.append(taut_way(_place_of(file, sortie), sets))
-    return ways
+            paths.append(taut_path(_place_of(file, sortie), sets))
+    return paths
 
 
 def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
@@ -62,7 +62,7 @@ def _place_of(file: SurveyFile, sortie: Sortie) -> tuple[float, float]:
     return ends[1].state[0], ends[1].state[1]
 
 
-def lying(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
+def moored_areas(file: SurveyFile, sailing: Collection[int]) -> list[shapely.Polygon]:
     """Return the water around each boat of a fleet that has sailed and is no longer `sailing`."""
     fleet = file.survey.fleet
     if fleet is None:

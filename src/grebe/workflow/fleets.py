@@ -16,22 +16,22 @@ from grebe.core.events import EndReason
 from grebe.core.revision import Sortie
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments
+from grebe.mission.consumption import AT_HOME
 from grebe.mission.departure import Departure, prepare
+from grebe.mission.events.recorders import Listener, SharedRecorder, SurveyRecorder
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.loop import Mission
 from grebe.mission.replanning import Extension, Replanner
-from grebe.mission.rota import InTurn
+from grebe.mission.round_robin import RoundRobinLink
 from grebe.mission.safety.lookout import InFleet, Lookout
+from grebe.mission.safety.route_home import check_home
 from grebe.mission.safety.states import Cause
 from grebe.mission.safety.traffic import Traffic
 from grebe.mission.safety.watchdog import guarded, journal_beside
-from grebe.mission.safety.way_home import check_home
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import AT_HOME
-from grebe.mission.telling.recorders import Listener, SharedRecorder, SurveyRecorder
-from grebe.mission.telling.statistics import MissionReport
-from grebe.workflow.berths import by_way, harbour_of, is_afloat, lying
-from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.garbage_collection import no_long_pauses
 from grebe.workflow.handover import Handover
+from grebe.workflow.moorings import farthest_first, harbour_of, is_afloat, moored_places
 from grebe.workflow.run import (
     HelmOf,
     as_known_to,
@@ -214,14 +214,14 @@ class FleetRun:
         }
         for departure in departures.values():
             check_home(departure.survey, self.settings.safety)
-        traffic = Traffic(apart_m=fleet.apart_m, order=by_way(departures))
+        traffic = Traffic(apart_m=fleet.apart_m, order=farthest_first(departures))
         together = Together(traffic, self.survey_file)
         # The places of the boats are known before the first of them moves. Those ashore are in
         # nobody's way.
         for boat, departure in departures.items():
             if is_afloat(departure):
                 traffic.claim(boat, np.array([departure.state[:2]]))
-        for boat, place in lying(self.survey_file, departures, self._adrift).items():
+        for boat, place in moored_places(self.survey_file, departures, self._adrift).items():
             traffic.claim(boat, np.array([place]))
             traffic.leave(boat)
         say_first(next(iter(departures.values())), self.survey_file, self.watches(min(departures)))
@@ -259,7 +259,7 @@ class FleetRun:
         mission = Mission(
             departure.survey,
             helm,
-            InTurn(link, together.rota, boat) if self.shares_time else link,
+            RoundRobinLink(link, together.turns, boat) if self.shares_time else link,
             SharedRecorder(SurveyRecorder(self.survey_file, boat), together.lock),
             self._settings_of(boat, departure),
             quantities=departure.quantities,
@@ -300,7 +300,7 @@ class FleetRun:
             sortie=sortie.number,
             spent_s=departure.spent.seconds,
             waits=self.shares_time,
-            heeds=self.replans,
+            reacts=self.replans,
             extends=self.extends(together.sailing) if self.extends and goes_on else None,
         )
 

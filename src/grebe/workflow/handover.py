@@ -17,7 +17,7 @@ from grebe.mission.safety.states import Place
 from grebe.mission.safety.traffic import WANDER_M
 from grebe.planning.region import water_of
 from grebe.planning.revisions.revise import Halfway, open_water, replanned
-from grebe.workflow.berths import lying
+from grebe.workflow.moorings import moored_places
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class Handover:
         fleet = self.survey_file.survey.fleet
         assert fleet is not None
         radius_m = fleet.apart_m + 2 * WANDER_M
-        places = lying(self.survey_file, boats, self.adrift).values()
+        places = moored_places(self.survey_file, boats, self.adrift).values()
         return [shapely.Point(at).buffer(radius_m) for at in places]
 
     def _vessel_of(self, boat: int) -> Vessel:

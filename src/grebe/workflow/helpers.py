@@ -32,14 +32,14 @@ _HELP = (
 )
 
 
-class Crew:
+class WorkerPool:
     """This process and its helpers, which end with the block."""
 
     def __init__(self, helpers: int = 0) -> None:
         self._count = helpers
         self._helpers: list[_Helper] = []
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         self._helpers = [_Helper.called() for _ in range(self._count)]
         return self
 

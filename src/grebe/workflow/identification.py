@@ -21,7 +21,7 @@ from grebe.io.store import SurveyFile
 from grebe.links.base import Order, as_driven
 from grebe.links.recording import RecordingLink
 from grebe.mission.departure import Departure
-from grebe.mission.manoeuvre import ManoeuvreEnd, fly_manoeuvre
+from grebe.mission.manoeuvre import ManoeuvreEnd, sail_manoeuvre
 from grebe.mission.safety.watchdog import guarded, journal_beside
 from grebe.report import canvas
 from grebe.report.identification_figures import identification_figure
@@ -112,7 +112,7 @@ def drive_manoeuvre(
         recorded = RecordingLink(link, _ThrottleSink(log, boat))
         try:
             with guarded(link, journal_beside(survey_path)) as guards:
-                end = fly_manoeuvre(survey, manoeuvre, recorded, guards)
+                end = sail_manoeuvre(survey, manoeuvre, recorded, guards)
         except BaseException:
             link.close()
             raise

@@ -12,7 +12,7 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.io.store import SurveyFile
 from grebe.links.base import Reading
 from grebe.links.checks import Check, check
-from grebe.links.instruments.instrument import Bench, Instrument
+from grebe.links.instruments.instrument import Instrument, InstrumentSet
 from grebe.links.instruments.profile import Profile, profile_named
 
 _T = TypeVar("_T")
@@ -48,7 +48,7 @@ def boat_and_instrument(text: str) -> tuple[int | None, str]:
 @contextmanager
 def instruments_at(
     texts: Sequence[str], quantities: Quantities = BUILTIN
-) -> Generator[dict[int | None, Bench]]:
+) -> Generator[dict[int | None, InstrumentSet]]:
     """Open instruments within the block, and yield those of each boat of a fleet.
 
     The key is None if no boat is named.
@@ -57,22 +57,24 @@ def instruments_at(
     for boat, text in map(boat_and_instrument, texts):
         of_boat.setdefault(boat, []).append(instrument_named(text, quantities))
     with ExitStack() as opened:
-        benches: dict[int | None, Bench] = {}
+        instrument_sets: dict[int | None, InstrumentSet] = {}
         for boat, named in of_boat.items():
-            bench = Bench([Instrument(a, name, profile, quantities) for a, name, profile in named])
-            opened.callback(bench.close)
-            benches[boat] = bench
-        yield benches
+            instrument_set = InstrumentSet(
+                [Instrument(a, name, profile, quantities) for a, name, profile in named]
+            )
+            opened.callback(instrument_set.close)
+            instrument_sets[boat] = instrument_set
+        yield instrument_sets
 
 
-def refuse_unopened(benches: Iterable[Bench]) -> None:
+def refuse_unopened(instrument_sets: Iterable[InstrumentSet]) -> None:
     """Refuse to set out with an instrument whose line cannot be opened: `LinkError` says which.
 
     One that is open and silent may be warming up. During a mission a line is reopened whenever it
     fails.
     """
     until_s = time.monotonic() + OPEN_S
-    for one in [each for bench in benches for each in bench.each]:
+    for one in [each for instrument_set in instrument_sets for each in instrument_set.each]:
         while not (one.is_open or one.is_broken) and time.monotonic() < until_s:
             time.sleep(0.02)
         if one.is_broken and not one.is_open:
@@ -82,22 +84,24 @@ def refuse_unopened(benches: Iterable[Bench]) -> None:
             )
 
 
-def of_one_boat(benches: Mapping[int | None, _T]) -> _T | None:
+def of_one_boat(instrument_sets: Mapping[int | None, _T]) -> _T | None:
     """Return the instruments of a boat that sails alone; `UsageError` if they are a fleet's."""
-    others = [boat for boat in benches if boat is not None]
+    others = [boat for boat in instrument_sets if boat is not None]
     if others:
         raise UsageError(
             f"An instrument is assigned to boat {others[0]}, but only one boat sails; leave its "
             "number out.",
             settings=("instrument",),
         )
-    return benches.get(None)
+    return instrument_sets.get(None)
 
 
-def of_fleet(benches: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
+def of_fleet(instrument_sets: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
     """Return the instruments of each boat of a fleet; `UsageError` if one names no valid boat."""
-    found = {boat: bench for boat, bench in benches.items() if boat is not None}
-    if None in benches or not all(1 <= boat <= boats for boat in found):
+    found = {
+        boat: instrument_set for boat, instrument_set in instrument_sets.items() if boat is not None
+    }
+    if None in instrument_sets or not all(1 <= boat <= boats for boat in found):
         raise UsageError(
             f"{boats} boats sail, from 1 to {boats}: say which of them has the instrument, as "
             "1=ADDRESS@PROFILE.",
@@ -106,9 +110,11 @@ def of_fleet(benches: Mapping[int | None, _T], boats: int) -> dict[int, _T]:
     return found
 
 
-def declare_quantities(file: SurveyFile, bench: Bench, quantities: Quantities = BUILTIN) -> None:
+def declare_quantities(
+    file: SurveyFile, instrument_set: InstrumentSet, quantities: Quantities = BUILTIN
+) -> None:
     """Declare what the instruments may measure and the file does not declare yet."""
-    new = [key for key in bench.keys if key not in file.quantities]
+    new = [key for key in instrument_set.keys if key not in file.quantities]
     if new:
         file.declare(quantities.subset(new))
 

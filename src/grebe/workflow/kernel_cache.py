@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grebe.core import kernels
-from grebe.workflow.collector import uncollected
+from grebe.workflow.garbage_collection import without_collection
 
 if TYPE_CHECKING:
     from grebe.control.controller import Command
@@ -36,7 +36,7 @@ def compile_controller() -> bool:
     return kernels.is_compiled()
 
 
-@uncollected()
+@without_collection()
 def compile_all() -> None:
     """Compile everything that a mission needs.
 
@@ -55,7 +55,7 @@ def compile_all() -> None:
     kernels.note_compiled()
 
 
-@uncollected()
+@without_collection()
 def compile_beside() -> None:
     """Do the second process's share.
 
@@ -89,10 +89,10 @@ def sail_a_little(*, steered: bool = True) -> None:
     """
     from grebe.control.controller import Controller
     from grebe.core.sets import footprints_of
-    from grebe.core.taut import taut_way
+    from grebe.core.taut import taut_path
     from grebe.core.vessel import PRESETS
     from grebe.links.simulated import EstimateErrors
-    from grebe.mission.trial import Conditions, fly, meander
+    from grebe.mission.trial import Conditions, meander, simulate
 
     model, sets = PRESETS["spyboat"], meander(rows=3, columns=4)
     late = Conditions(
@@ -102,9 +102,9 @@ def sail_a_little(*, steered: bool = True) -> None:
         limit_s=30.0,
     )
     helm = Controller(model, sets) if steered else _Weaving(model)
-    fly(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
+    simulate(model, sets, helm, (-5.0, 2.0, 0, 0, 0, 0), late)
     # Only large cells need this kernel.
-    taut_way((-5.0, 2.0), footprints_of(sets))
+    taut_path((-5.0, 2.0), footprints_of(sets))
 
 
 class _Weaving:

@@ -223,6 +223,6 @@ def write_expected(chosen: Expected, survey_file: Path) -> Path:
 
     picture = survey_file.with_name(f"{survey_file.stem}-expected.png")
     survey = chosen.planned.survey
-    figure = expected_figure(survey, chosen.grid, chosen.sd, chosen.way)
+    figure = expected_figure(survey, chosen.grid, chosen.sd, chosen.path)
     canvas.save(figure, picture)
     return picture

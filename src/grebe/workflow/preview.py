@@ -12,15 +12,15 @@ import shapely
 from grebe.core.dynamics import CALM
 from grebe.core.revision import Sortie
 from grebe.core.sets import footprints_of
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.io.store import SurveyFile
 from grebe.mission.departure import Departure, prepare
-from grebe.mission.safety.reserve import way_home_s
+from grebe.mission.safety.reserve import route_home_s
+from grebe.mission.safety.route_home import home_of, speed_home_mps, survey_routes_home
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.safety.way_home import home_of, speed_home_mps, ways_home
-from grebe.planning.revisions.lead_on import ASTRAY_M, is_led
-from grebe.planning.ways.homeward import way_length_m
-from grebe.planning.ways.travel import travel_of
+from grebe.planning.paths.routes_home import path_length_m
+from grebe.planning.paths.travel import travel_of
+from grebe.planning.revisions.connect import OFF_CORRIDOR_M, is_connected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,9 @@ def fleet_preview(survey_file: SurveyFile, now: datetime) -> dict[str, Any]:
 def _detour(departure: Departure) -> tuple[str, ...]:
     survey, place = departure.survey, departure.state[:2]
     left = shapely.difference(survey.water, shapely.union_all(list(survey.no_go)))
-    if is_led(survey, lambda: left.buffer(ASTRAY_M), departure.reached, (place[0], place[1])):
+    if is_connected(
+        survey, lambda: left.buffer(OFF_CORRIDOR_M), departure.reached, (place[0], place[1])
+    ):
         return ()
     return (
         "the route to the next target leads around land; the predicted time does not include "
@@ -116,14 +118,14 @@ def _detour(departure: Departure) -> tuple[str, ...]:
     )
 
 
-def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
+def route_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
     """Return the preview of bringing a boat home from where it is, by name.
 
-    Raises what `ways_home` raises, and `PlanError` if no path leads there.
+    Raises what `survey_routes_home` raises, and `PlanError` if no path leads there.
     """
     survey = departure.survey
     north, east = departure.state[:2]
-    way = ways_home(survey, safety).way_from((north, east))
+    path = survey_routes_home(survey, safety).path_from((north, east))
     speed_mps = speed_home_mps(survey, departure.vessel)
     lon, lat = survey.frame.to_wgs84((north, east)).tolist()
     home_lon, home_lat = survey.frame.to_wgs84(home_of(survey, safety)).tolist()
@@ -134,8 +136,8 @@ def way_home_of(departure: Departure, safety: SafetySettings) -> dict[str, Any]:
         "lon_deg": round(lon, 7),
         "home_lat_deg": round(home_lat, 7),
         "home_lon_deg": round(home_lon, 7),
-        "distance_m": round(way_length_m(way), 1),
-        "remaining_s": round(way_home_s(departure.vessel, way, weather, speed_mps)[0], 1),
+        "distance_m": round(path_length_m(path), 1),
+        "remaining_s": round(route_home_s(departure.vessel, path, weather, speed_mps)[0], 1),
         "doubts": tuple(doubt.message for doubt in departure.doubts),
     }
 
@@ -147,5 +149,5 @@ def _remaining_s(departure: Departure) -> float:
     speed = (min(s.speed_min_mps for s in ahead), max(s.speed_max_mps for s in ahead))
     settings = departure.survey.settings
     weather = CALM if settings is None else settings.weather
-    way = taut_way(departure.state[:2], footprints_of(ahead))
-    return travel_of(departure.vessel, speed, weather).path_s(way)
+    path = taut_path(departure.state[:2], footprints_of(ahead))
+    return travel_of(departure.vessel, speed, weather).path_s(path)

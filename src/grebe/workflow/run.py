@@ -14,18 +14,18 @@ from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments, as_driven
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.consumption import Consumption
 from grebe.mission.departure import Departure, prepare
+from grebe.mission.events.broadcast import Broadcast
+from grebe.mission.events.recorders import Listener, SurveyRecorder
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.helm import Helm
 from grebe.mission.loop import Mission
-from grebe.mission.replanning import Extension, KeptPlan, Replanner
+from grebe.mission.replanning import Extension, Replanner, SharedPlan
+from grebe.mission.safety.route_home import Pilot, check_home
 from grebe.mission.safety.watchdog import guarded, journal_beside, taken_notes
-from grebe.mission.safety.way_home import Pilot, check_home
 from grebe.mission.settings import MissionSettings
-from grebe.mission.spent import Spent
-from grebe.mission.telling.broadcast import Broadcast
-from grebe.mission.telling.recorders import Listener, SurveyRecorder
-from grebe.mission.telling.statistics import MissionReport
-from grebe.workflow.collector import no_long_pauses
+from grebe.workflow.garbage_collection import no_long_pauses
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
@@ -135,8 +135,8 @@ def as_known_to(link: BoatLink, departure: Departure) -> Departure:
 def pilot_of(departure: Departure, helm_of: HelmOf) -> Pilot:
     """Return a factory of helms for other routes: the way home, or a new order."""
 
-    def pilot(way: Survey) -> Helm:
-        return helm_of(replace(departure, survey=way, reached=0))
+    def pilot(route: Survey) -> Helm:
+        return helm_of(replace(departure, survey=route, reached=0))
 
     return pilot
 
@@ -146,7 +146,7 @@ def _replanner(
     departure: Departure,
     pilot: Pilot,
     link: BoatLink,
-    heeds: bool,
+    reacts: bool,
     extends: Extension | None,
 ) -> Replanner:
     """Return the replanner of the mission.
@@ -155,13 +155,13 @@ def _replanner(
     """
     return Replanner(
         survey=survey_file.survey,
-        plan=KeptPlan(revision=survey_file.revision),
+        plan=SharedPlan(revision=survey_file.revision),
         vessel=departure.vessel,
         helm_of=pilot,
         sortie=None if departure.sortie is None else departure.sortie.number,
         spent_s=departure.spent.seconds,
         waits=isinstance(link, SimulatedLink),
-        heeds=heeds,
+        reacts=reacts,
         extends=extends,
     )
 
@@ -172,7 +172,9 @@ def spent_as_said(departure: Departure, settings: MissionSettings | None) -> Dep
     This is another battery than that of the track, and so it also has its full time ahead.
     """
     used_wh = None if settings is None else settings.safety.used_wh
-    return departure if used_wh is None else replace(departure, spent=Spent(energy_wh=used_wh))
+    return (
+        departure if used_wh is None else replace(departure, spent=Consumption(energy_wh=used_wh))
+    )
 
 
 def counting(settings: MissionSettings | None, departure: Departure) -> MissionSettings:
@@ -185,9 +187,9 @@ def counting(settings: MissionSettings | None, departure: Departure) -> MissionS
 
 def say_first(departure: Departure, survey_file: SurveyFile, listeners: Sequence[Listener]) -> None:
     """Report what must be known before a mission: doubts, and what a watchdog had to do earlier."""
-    ears = Broadcast(SurveyRecorder(survey_file), listeners)
+    broadcast = Broadcast(SurveyRecorder(survey_file), listeners)
     said = [(doubt.code, doubt.message) for doubt in departure.doubts]
     said += [("watchdog_acted", note) for note in taken_notes(journal_beside(survey_file.path))]
     for code, message in said:
-        ears.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
-    ears.close()
+        broadcast.hold(Warned(time=departure.started, elapsed_s=0.0, code=code, message=message))
+    broadcast.close()

@@ -21,13 +21,17 @@ from grebe.core.revision import PlanRevision, survey_of
 from grebe.core.samples import Samples
 from grebe.core.sets import rings_of
 from grebe.core.survey import Survey
-from grebe.core.taut import way_through
+from grebe.core.taut import path_through
 from grebe.planning.cells.mesh import target_footprint
 from grebe.planning.fleets.fleet_times import boat_times
 from grebe.planning.fleets.shares import shared_out
+from grebe.planning.merge import checked, merged
+from grebe.planning.paths.connected_mesh import connected_mesh
+from grebe.planning.paths.corridors import PathFinder
+from grebe.planning.paths.network import Network
+from grebe.planning.paths.place_paths import PlacePaths, place_paths
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region, water_of
 from grebe.planning.revisions.adapt import Worth, chosen_places, once_read
 from grebe.planning.revisions.second import followed_by
@@ -38,10 +42,6 @@ from grebe.planning.sortie_check import check_sorties
 from grebe.planning.sorties import sorties_through
 from grebe.planning.trips.endurance import endurance_of
 from grebe.planning.trips.lake import lake_of
-from grebe.planning.ways.corridors import Waterways
-from grebe.planning.ways.meshed import meshed
-from grebe.planning.ways.network import Network
-from grebe.planning.ways.place_ways import PlaceWays, place_ways
 from grebe.workflow.adaptive import (
     CORE,
     FULL,
@@ -121,7 +121,7 @@ def second_survey(
         revision, survey, planned.revision, settings=settings,
         note=f"{len(route)} more places for {wish.text}{whose}, in {longest_s / 60:.1f} minutes",
     )  # fmt: skip
-    then = once_read(worth, water.ways, _ways_of(planned))
+    then = once_read(worth, water.paths, _paths_of(planned))
     before, after = (weighted_sd(np.diag(w.covariance), worth.weights) for w in (worth, then))
     return SecondSurvey(
         revision=new, planned=planned, before_sd=before, expected_sd=after, places=len(route)
@@ -157,7 +157,7 @@ class _Water:
         harbours = [region.frame.place_near(region.water, one, "harbour") for one in given]
         start = (survey.start.north_m, survey.start.east_m)
         near = [*harbours, *lies, start][0]
-        cells, network = meshed(water, cell_m, shape="square", angle_deg=0.0, near=near)
+        cells, network = connected_mesh(water, cell_m, shape="square", angle_deg=0.0, near=near)
         rings = [target_footprint(ring) for ring in rings_of([one.footprint for one in cells])]
         wide = cores_of(rings, cell_m)[1] & np.array([not one.is_speck for one in cells])
         if not wide.any():
@@ -178,13 +178,13 @@ class _Water:
         own = [region.frame.place_near(region.water, one, "start") for one in starts]
         lake = lake_of(planner, draft, [*self.harbours, *own] or [self.start])
         out, back = lake.seconds(outwards=True), lake.seconds(outwards=False)
-        ways_m = np.array([home.ways_m for home in lake.homes])
+        distances_m = np.array([home.distances_m for home in lake.homes])
         near = np.zeros(len(self.cells), dtype=np.bool_)
         for boat in range(1, 1 + (1 if fleet is None else fleet.boats)):
             vessel = (fleet and fleet.vessel(boat)) or planner.vessel
             power_w = replace(planner, vessel=vessel).mean_power_w(draft)
             endurance = endurance_of(vessel, settings.of_boat(boat), power_w)
-            takes_s = np.min(out + np.maximum(back, endurance.home_s(ways_m)), axis=0)
+            takes_s = np.min(out + np.maximum(back, endurance.home_s(distances_m)), axis=0)
             near |= takes_s <= REACH_SHARE * endurance.limit_s
         members = self.members[near[self.members]]
         if not len(members):
@@ -211,9 +211,9 @@ class _Water:
         return self.cell_m * float(np.mean(self.planner.travel.slowness))
 
     @cached_property
-    def ways(self) -> PlaceWays:
+    def paths(self) -> PlacePaths:
         """The paths between the places."""
-        return place_ways(self.places, self.cell_m, self.planner.water)
+        return place_paths(self.places, self.cell_m, self.planner.water)
 
     @property
     def begins(self) -> Place:
@@ -261,7 +261,7 @@ def _fitted(
     best: tuple[list[int], PlannedSorties] | None = None
     tried: list[tuple[float, float]] = []
     for trial in range(TRIALS):
-        route, _ = chosen_places(worth, water.ways, nearest, allowed_s, pace, turn_m)
+        route, _ = chosen_places(worth, water.paths, nearest, allowed_s, pace, turn_m)
         if not route:
             break
         planned = water.planned(route, _heard(on_done, trial))
@@ -300,9 +300,9 @@ def _next_s(tried: Sequence[tuple[float, float]], aim_s: float) -> float:
 
 def _alone(planner: Planner, draft: Draft) -> PlannedSorties:
     """Return the plan of one boat that does not come back, as one sortie."""
-    ways = Waterways(draft.cells, draft.network, planner.water, draft.cell_m)
-    part = planner.survey(draft, ways, 0.0)
-    survey, revision = put_together([part], 0.0)
+    finder = PathFinder(draft.cells, draft.network, planner.water, draft.cell_m)
+    part = planner.survey(draft, finder, 0.0)
+    survey, revision = merged([part], 0.0)
     outcome = survey.outcome
     assert outcome is not None
     return PlannedSorties(
@@ -335,7 +335,7 @@ def _prove(planned: PlannedSorties, planner: Planner) -> None:
         )
 
 
-def _ways_of(planned: PlannedSorties) -> list[Array]:
+def _paths_of(planned: PlannedSorties) -> list[Array]:
     """Return the shortest (taut) path (k, 2) of each sortie."""
     parts = [survey_of(planned.survey, planned.revision, one) for one in planned.revision.sorties]
-    return [way_through(part) for part in parts]
+    return [path_through(part) for part in parts]

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from grebe.core.revision import Sortie
 from grebe.core.survey import Survey
 from grebe.io.store import SurveyFile
+from grebe.mission.consumption import NOTHING, Consumption
 from grebe.mission.safety.settings import SafetySettings
-from grebe.mission.spent import NOTHING, Spent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,9 @@ def sortie_states(survey_file: SurveyFile) -> list[SortieState]:
     ]
 
 
-def kept_by_plan(safety: SafetySettings, survey: Survey, spent: Spent = NOTHING) -> SafetySettings:
+def kept_by_plan(
+    safety: SafetySettings, survey: Survey, spent: Consumption = NOTHING
+) -> SafetySettings:
     """Return the settings with the battery and the time that the plan's sorties are made for.
 
     The time `spent` since the harbour is subtracted. Values that the run states are kept. `survey`

@@ -6,11 +6,11 @@ import threading
 
 from grebe.core.revision import PlanRevision
 from grebe.io.store import SurveyFile
+from grebe.mission.events.statistics import MissionReport
 from grebe.mission.loop import Mission
-from grebe.mission.replanning import KeptPlan
-from grebe.mission.rota import Rota
+from grebe.mission.replanning import SharedPlan
+from grebe.mission.round_robin import RoundRobin
 from grebe.mission.safety.traffic import Traffic
-from grebe.mission.telling.statistics import MissionReport
 
 # The time that missions have to end when everything is stopped [s].
 LAST_WORDS_S = 0.5
@@ -21,8 +21,8 @@ class Together:
 
     def __init__(self, traffic: Traffic, file: SurveyFile) -> None:
         boats = list(traffic.order)
-        self.traffic, self.rota, self.lock = traffic, Rota(boats), threading.Lock()
-        self.plan = KeptPlan(revision=file.revision, keep=self._keep)
+        self.traffic, self.turns, self.lock = traffic, RoundRobin(boats), threading.Lock()
+        self.plan = SharedPlan(revision=file.revision, keep=self._keep)
         self._file = file
         self._busy = set(boats)
         self._sailing = set(boats)
@@ -50,12 +50,12 @@ class Together:
         def sail(boat: int, mission: Mission) -> None:
             try:
                 if shares_time:
-                    self.rota.wait(boat)
+                    self.turns.wait(boat)
                 reports[boat] = mission.run()
             except BaseException as error:
                 failures.append(error)
             finally:
-                self.rota.leave(boat)
+                self.turns.leave(boat)
                 self.traffic.leave(boat)
                 self.others_sail(boat)
                 with self.lock:

@@ -13,11 +13,11 @@ from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
 from grebe.core.survey import OF_TRACK, Survey
-from grebe.io.readers.clock import zone_of
 from grebe.io.readers.columns import DATE, PLACE_AND_TIME
 from grebe.io.readers.profile import read_profile
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
+from grebe.io.readers.zones import zone_of
 from grebe.io.store import SurveyFile
 from grebe.io.store.database import new_file
 from grebe.mapping.quality.control import Quality
@@ -156,5 +156,5 @@ def _speeds(positions: NDArray[np.float64], times: NDArray[np.float64]) -> NDArr
     before = np.maximum(np.arange(len(times)) - 1, 0)
     after = np.minimum(np.arange(len(times)) + 1, len(times) - 1)
     seconds = times[after] - times[before]
-    way = np.hypot(*(positions[after] - positions[before]).T)
-    return np.where(seconds > 0, way / np.where(seconds > 0, seconds, 1.0), np.nan)
+    distance_m = np.hypot(*(positions[after] - positions[before]).T)
+    return np.where(seconds > 0, distance_m / np.where(seconds > 0, seconds, 1.0), np.nan)

@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 from grebe.core.errors import InputError
 from grebe.core.quantities import BUILTIN
 from grebe.links.instruments.decoding import RegisterDecoder, TextDecoder
-from grebe.links.instruments.pretend import ModbusVoice, crc16, ordinary_water, voice_of
+from grebe.links.instruments.pretend import (
+    SimulatedModbusInstrument,
+    crc16,
+    simulated_instrument,
+    typical_water,
+)
 from grebe.links.instruments.profile import profile_named, profile_names
 
 
@@ -97,27 +102,29 @@ def test_no_noise_on_a_line_is_an_error(name, noise):
 class Held:
     """Registers of a pretend instrument, read as a client would."""
 
-    voice: ModbusVoice
+    instrument: SimulatedModbusInstrument
     first: int
     asked: list = field(default_factory=list)
 
     def read(self, register, count):
         self.asked.append((register, count))
-        words = self.voice.registers()
+        words = self.instrument.registers()
         return [words.get(register - self.first + i, 0) for i in range(count)]
 
 
 @pytest.mark.parametrize("name", [n for n in profile_names() if profile_named(n).modbus])
 def test_registers_are_read_back_as_they_were_measured(name):
     profile = profile_named(name)
-    held = Held(ModbusVoice(profile, lambda _: ordinary_water(3.0)), profile.modbus.first)
+    held = Held(
+        SimulatedModbusInstrument(profile, lambda _: typical_water(3.0)), profile.modbus.first
+    )
 
     def as_float(words):
         high, low = words if profile.modbus.order == "ABCD" else reversed(words)
         return struct.unpack(">f", struct.pack(">HH", high, low))[0]
 
     said = RegisterDecoder(profile, BUILTIN).take(held.read, as_float)
-    truth = ordinary_water(3.0)
+    truth = typical_water(3.0)
     assert set(said.values) == set(profile.keys)
     for key, value in said.values.items():
         assert value == pytest.approx(truth.get(key, 0.0), rel=1e-6)
@@ -131,12 +138,12 @@ def test_the_sum_of_modbus_is_that_of_its_specification():
 @pytest.mark.parametrize("name", [n for n in profile_names() if profile_named(n).text])
 def test_a_pretend_instrument_speaks_what_its_profile_reads(name):
     profile = profile_named(name)
-    voice = voice_of(profile, lambda _: ordinary_water(3.0))
+    instrument = simulated_instrument(profile, lambda _: typical_water(3.0))
     ours = TextDecoder(profile, BUILTIN)
     if profile.text.list_codes:
-        assert ours.list_codes(voice.hear(profile.text.list_codes.encode()))
-    said = ours.take(voice.line().encode())
-    truth = ordinary_water(3.0)
+        assert ours.list_codes(instrument.receive(profile.text.list_codes.encode()))
+    said = ours.take(instrument.line().encode())
+    truth = typical_water(3.0)
     for key, value in said.values.items():
         assert value == pytest.approx(truth.get(key, 0.0), abs=0.01, rel=1e-3)
 

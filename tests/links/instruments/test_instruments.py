@@ -14,18 +14,23 @@ from grebe.links.base import Reading
 from grebe.links.checks import Verdict
 from grebe.links.instruments import instrument as instrument_module
 from grebe.links.instruments.instrument import Instrument, OwnClock
-from grebe.links.instruments.pretend import PretendSerial, PretendUdp, ordinary_water, voice_of
+from grebe.links.instruments.pretend import (
+    PretendSerial,
+    PretendUdp,
+    simulated_instrument,
+    typical_water,
+)
 from grebe.links.instruments.profile import profile_named, profile_names
-from grebe.links.instruments.speakers import speaker_at
+from grebe.links.instruments.sources import open_source
 from grebe.links.simulated import SimulatedLink
+from grebe.mission.events.recorders import MemoryRecorder
 from grebe.mission.loop import Mission
-from grebe.mission.telling.recorders import MemoryRecorder
 from grebe.simulation.plant import Plant
 from grebe.simulation.sonde import UniformSonde
 from grebe.workflow.instruments import checks_of, instrument_named, instruments_at, refuse_unopened
 
 # A pseudo-terminal knows no parity: lines are opened as 8N1 here.
-STEADY = ordinary_water(3.0)
+STEADY = typical_water(3.0)
 
 
 def steady(_):
@@ -52,7 +57,7 @@ def heard(instrument, count=1):
 @pytest.mark.parametrize("name", profile_names())
 def test_every_profile_reads_its_pretend_instrument_over_a_serial_line(name):
     profile = profile_named(name)
-    sonde = PretendSerial(voice_of(profile, steady, period_s=0.1))
+    sonde = PretendSerial(simulated_instrument(profile, steady, period_s=0.1))
     instrument = Instrument(f"serial:{sonde.device}:9600:8N1", name, profile, BUILTIN)
     try:
         reading = heard(instrument)[0]
@@ -78,7 +83,9 @@ def test_lines_by_udp_are_read_at_the_instrument_s_own_rate():
     instrument = Instrument(
         f"udp:127.0.0.1:{port}", "h", profile_named("valeport-hyperion"), BUILTIN
     )
-    sonde = PretendUdp(voice_of(instrument.profile, steady, period_s=0.05), f"127.0.0.1:{port}")
+    sonde = PretendUdp(
+        simulated_instrument(instrument.profile, steady, period_s=0.05), f"127.0.0.1:{port}"
+    )
     try:
         heard(instrument)
         began = time.monotonic()
@@ -89,7 +96,7 @@ def test_lines_by_udp_are_read_at_the_instrument_s_own_rate():
         sonde.close()
 
 
-def test_a_logger_s_file_is_read_from_where_it_is_and_again_when_it_is_begun_anew(tmp_path):
+def test_a_logger_s_file_is_read_from_its_end_and_again_when_it_is_restarted(tmp_path):
     path = tmp_path / "log.txt"
     path.write_text("1.0\n2.0\n")
     instrument = Instrument(f"file:{path}", "log", profile_named("atlas-ph"), BUILTIN)
@@ -104,12 +111,12 @@ def test_a_logger_s_file_is_read_from_where_it_is_and_again_when_it_is_begun_ane
         instrument.close()
 
 
-def test_a_cable_that_is_pulled_is_said_once_and_a_new_one_is_found(monkeypatch, tmp_path):
+def test_a_pulled_cable_is_reported_once_and_a_new_one_is_found(monkeypatch, tmp_path):
     monkeypatch.setattr(instrument_module, "RETRY_S", 0.1)
     monkeypatch.setattr(instrument_module, "LONGEST_RETRY_S", 0.2)
     profile = profile_named("valeport-hyperion")
     cable = tmp_path / "cable"
-    first = PretendSerial(voice_of(profile, steady, period_s=0.05))
+    first = PretendSerial(simulated_instrument(profile, steady, period_s=0.05))
     cable.symlink_to(first.device)
     instrument = Instrument(f"serial:{cable}:9600:8N1", "h", profile, BUILTIN)
     notes = []
@@ -118,9 +125,9 @@ def test_a_cable_that_is_pulled_is_said_once_and_a_new_one_is_found(monkeypatch,
         first.close()
         cable.unlink()
         assert wait_for(lambda: notes.extend(instrument.notes()) or notes)
-        assert not instrument.speaks
+        assert not instrument.is_sending
         time.sleep(0.6)
-        second = PretendSerial(voice_of(profile, steady, period_s=0.05))
+        second = PretendSerial(simulated_instrument(profile, steady, period_s=0.05))
         cable.symlink_to(second.device)
         heard(instrument)
         notes += instrument.notes()
@@ -131,18 +138,18 @@ def test_a_cable_that_is_pulled_is_said_once_and_a_new_one_is_found(monkeypatch,
 
 
 class Garbling:
-    """A voice whose line is bad: half lines, noise between them, and sums that do not hold."""
+    """An instrument whose line is bad: half lines, noise between them, wrong sums."""
 
-    def __init__(self, voice):
-        self.voice, self.count = voice, 0
+    def __init__(self, instrument):
+        self.instrument, self.count = instrument, 0
 
-    def hear(self, data):
-        answer = self.voice.hear(data)
+    def receive(self, data):
+        answer = self.instrument.receive(data)
         self.count += 1
         return answer[: len(answer) // 2] if self.count % 2 else answer
 
-    def say(self):
-        said = self.voice.say()
+    def due(self):
+        said = self.instrument.due()
         if not said:
             return said
         self.count += 1
@@ -152,7 +159,7 @@ class Garbling:
 @pytest.mark.parametrize("name", ["ysi-6-series", "insitu-aqua-troll-400"])
 def test_a_bad_line_costs_readings_and_never_lets_a_wrong_one_through(name):
     profile = profile_named(name)
-    sonde = PretendSerial(Garbling(voice_of(profile, steady, period_s=0.02)))
+    sonde = PretendSerial(Garbling(simulated_instrument(profile, steady, period_s=0.02)))
     instrument = Instrument(f"serial:{sonde.device}:9600:8N1", name, profile, BUILTIN)
     try:
         if name == "ysi-6-series":
@@ -167,29 +174,29 @@ def test_a_bad_line_costs_readings_and_never_lets_a_wrong_one_through(name):
     for reading in readings:
         for key, value in reading.values.items():
             assert value == pytest.approx(STEADY[key], abs=0.01)
-    assert instrument._speaker.counts.damaged > 0
+    assert instrument._source.counts.damaged > 0
 
 
 class FallingMute:
-    """A voice that falls silent after some answers."""
+    """An instrument that falls silent after some answers."""
 
-    def __init__(self, voice, answers):
-        self.voice, self.left = voice, answers
+    def __init__(self, instrument, answers):
+        self.instrument, self.left = instrument, answers
 
-    def hear(self, data):
-        answer = self.voice.hear(data)
+    def receive(self, data):
+        answer = self.instrument.receive(data)
         self.left -= bool(answer)
         return answer if self.left >= 0 else b""
 
-    def say(self):
+    def due(self):
         return b""
 
 
-def test_a_sonde_that_falls_mute_is_told_and_asked_again(monkeypatch):
+def test_a_silent_sonde_is_reported_and_asked_again(monkeypatch):
     monkeypatch.setattr(instrument_module, "SILENT_S", 1.0)
     monkeypatch.setattr(instrument_module, "SILENT_PERIODS", 1.0)
     profile = profile_named("aqualabo-c4e")
-    mute = FallingMute(voice_of(profile, steady), 4)
+    mute = FallingMute(simulated_instrument(profile, steady), 4)
     sonde = PretendSerial(mute)
     instrument = Instrument(f"serial:{sonde.device}:9600:8N1", "c4e", profile, BUILTIN)
     notes = []
@@ -204,7 +211,7 @@ def test_a_sonde_that_falls_mute_is_told_and_asked_again(monkeypatch):
     assert notes[0][0] == "instrument_silent"
 
 
-def test_an_instrument_s_own_clock_is_followed_and_a_jump_of_it_heeded():
+def test_an_instrument_s_clock_and_its_jumps_are_followed():
     clock = OwnClock()
     # Stamps are 100 s behind ours; the transfer takes 0.1 s, and now and then 0.5 s.
     ages = [clock.age_s(float(i), i + 100.0 + (0.5 if i % 5 == 3 else 0.1)) for i in range(20)]
@@ -269,7 +276,7 @@ def test_readings_are_placed_where_the_boat_was_and_kept_out_of_the_sets_too():
     assert all("temperature_degc" not in one.values for one in own)
 
 
-def test_the_words_for_an_instrument_are_checked():
+def test_an_instrument_s_address_is_checked():
     with pytest.raises(UsageError, match="ADDRESS@PROFILE"):
         instrument_named("serial:/dev/ttyUSB0")
     instrument = Instrument("carrier:pigeon", "p", profile_named("atlas-ph"), BUILTIN)
@@ -281,7 +288,7 @@ def test_the_words_for_an_instrument_are_checked():
 
 def test_an_instrument_stands_in_the_preflight_list():
     profile = profile_named("valeport-hyperion")
-    sonde = PretendSerial(voice_of(profile, steady, period_s=0.1))
+    sonde = PretendSerial(simulated_instrument(profile, steady, period_s=0.1))
     try:
         line = checks_of(f"serial:{sonde.device}:9600:8N1@valeport-hyperion")
     finally:
@@ -290,16 +297,16 @@ def test_an_instrument_stands_in_the_preflight_list():
     assert "chlorophyll_ugl" in line.found
 
 
-def test_a_line_that_is_not_there_is_said():
+def test_a_missing_line_is_reported():
     with pytest.raises(LinkError, match="cannot be opened"):
-        speaker_at("serial:/dev/none", profile_named("atlas-ph"), BUILTIN)
+        open_source("serial:/dev/none", profile_named("atlas-ph"), BUILTIN)
 
 
 def test_a_boat_does_not_set_out_with_a_sonde_that_is_not_there():
     """It once set out, and held its position for ever."""
     with (
-        instruments_at(["serial:/dev/nothing-of-that-name@ysi-exo"]) as benches,
+        instruments_at(["serial:/dev/nothing-of-that-name@ysi-exo"]) as instrument_sets,
         pytest.raises(LinkError, match="does not answer"),
     ):
-        refuse_unopened(benches.values())
+        refuse_unopened(instrument_sets.values())
     refuse_unopened([])

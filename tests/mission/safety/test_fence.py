@@ -19,10 +19,10 @@ from grebe.mission.safety.fence import (
     MOST_DOUBT_M,
     Fence,
     braking_distance_m,
+    dead_reckoned,
     escape,
     fence_of,
-    foreseen,
-    reckoned,
+    predicted_stop,
 )
 from grebe.mission.safety.settings import CAREFUL
 from grebe.simulation.autopilot import Autopilot, AutopilotSettings, Mode
@@ -62,7 +62,7 @@ def test_what_is_foreseen_is_what_the_boat_does(boat):
     weather = Weather(current_north_mps=0.2, wind_force_east_n=2.0)
     state, refuge = (0.0, 0.0, 0.3, 0.9, 0.1, 0.05), (-3.0, 1.0)
     thrusts = [(4.0, 2.0)] * 5
-    states = foreseen(POND, keeper(boat), state, thrusts, weather, refuge)
+    states = predicted_stop(POND, keeper(boat), state, thrusts, weather, refuge)
     plant = Plant(boat if boat.thruster_lag_s == 0 else without_lag(boat), state, weather)
     for k, ahead in enumerate(states[1:-1]):
         given = thrusts[k] if k < 5 else keeper(boat).keep(plant.state, weather, refuge)
@@ -91,15 +91,17 @@ def test_whoever_steers_at_full_speed_at_the_shore_is_kept_in(boat, weather):
             thrusts = full if refuge is None else keeper(boat).keep(state, weather, refuge)
             plant.command(thrusts)
             plant.advance(0.1)
-            assert POND.holds(tuple(plant.state[:2]))
+            assert POND.contains(tuple(plant.state[:2]))
         refused += refuge is not None
     # In the current some hulls only circle at full thrust, and never reach a shore.
     assert refused == 6 or weather is not CALM
 
 
 def may(boat, state, thrusts, weather):
-    way_out = escape(POND, keeper(boat), state, lambda _: thrusts, weather, reaction_s=REACTION_S)
-    return way_out is not None
+    escape_plan = escape(
+        POND, keeper(boat), state, lambda _: thrusts, weather, reaction_s=REACTION_S
+    )
+    return escape_plan is not None
 
 
 def keeper(boat):
@@ -118,24 +120,24 @@ def test_where_nothing_is_foreseen_because_the_fence_is_far_nothing_had_to_be(
     boat = vessel_named("benchmark")
     state = (north, east, heading, surge, 0.0, 0.0)
     full = (boat.thrust_max_n, boat.thrust_max_n)
-    way_out = escape(POND, keeper(boat), state, lambda _: full, CALM, reaction_s=REACTION_S)
-    if way_out is not None and way_out.refuge is None:
-        way = foreseen(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
-        assert POND.holds_way(way[:, :2])
+    escape_plan = escape(POND, keeper(boat), state, lambda _: full, CALM, reaction_s=REACTION_S)
+    if escape_plan is not None and escape_plan.refuge is None:
+        path = predicted_stop(POND, keeper(boat), state, [full] * 3, CALM, POND.refuge(state[:2]))
+        assert POND.contains_path(path[:, :2])
 
 
 def test_no_go_zones_are_outside():
     fence = fence_of(POND.water, [shapely.box(-2, -15, 2, 15)], (-8.0, 0.0))
-    assert fence.holds((-8.0, 0.0))
-    assert not fence.holds((0.0, 0.0))
-    assert not fence.holds((8.0, 0.0))
+    assert fence.contains((-8.0, 0.0))
+    assert not fence.contains((0.0, 0.0))
+    assert not fence.contains((8.0, 0.0))
 
 
 def test_a_refuge_lies_inside_and_in_sight():
     bay = Fence(water=shapely.Polygon([(0, 0), (30, 0), (30, 30), (1, 30), (1, 1), (0, 1)]))
     for place in ((0.5, 0.5), (29.5, 29.5), (1.2, 20.0)):
         refuge = bay.refuge(place)
-        assert bay.holds_way(np.array([place, refuge]))
+        assert bay.contains_path(np.array([place, refuge]))
 
 
 def test_dead_reckoning_is_the_model():
@@ -143,7 +145,7 @@ def test_dead_reckoning_is_the_model():
     plant = Plant(boat, state)
     plant.command((3.0, 2.0))
     plant.advance(1.0)
-    assert reckoned(boat, state, (3.0, 2.0), CALM, 1.0) == pytest.approx(plant.state, abs=1e-3)
+    assert dead_reckoned(boat, state, (3.0, 2.0), CALM, 1.0) == pytest.approx(plant.state, abs=1e-3)
 
 
 HULLS = pytest.mark.parametrize("name", ["spyboat", "blueboat", "heron", "otter"])
@@ -172,7 +174,7 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
     each = 0.5 * model.surge_drag_n(speed_mps)
     goes_on = [(each, each)] * round(10 * (REACTION_S + FOLLOWED_S))
     refuge = (here[0] - 2.0, here[1])
-    way = foreseen(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
+    path = predicted_stop(lake, keeper, here, goes_on, CALM, refuge)[:, 0] - here[0]
     farthest = 0.0
     for k in range(200):
         state = pilot.estimate()
@@ -180,12 +182,12 @@ def test_behind_an_autopilot_a_boat_stops_no_later_than_is_foreseen_with_its_dou
         pilot.follow(*held_motion(model, state, given, CALM))
         pilot.advance(0.1)
         farthest = max(farthest, plant.state[0] - here[0])
-    assert farthest < way.max() + min(FOLLOWED_DOUBT * way.max(), MOST_DOUBT_M)
+    assert farthest < path.max() + min(FOLLOWED_DOUBT * path.max(), MOST_DOUBT_M)
     assert plant.state[0] < here[0]
 
 
 @pytest.mark.parametrize("name", ["blueboat", "heron", "otter", "spyboat"])
-def test_in_a_channel_hardly_wider_than_the_boat_a_way_to_stop_stays_inside_to_its_end(name):
+def test_in_a_channel_hardly_wider_than_the_boat_a_predicted_stop_stays_inside(name):
     """A current sets across the channel. Beyond the refuge, half a metre inside, is the other
     shore; a boat that goes on to its refuge by the law must not reach it.
     """
@@ -194,14 +196,16 @@ def test_in_a_channel_hardly_wider_than_the_boat_a_way_to_stop_stays_inside_to_i
     proved = 0
     for east, heading in itertools.product((-0.48, -0.24, 0.0, 0.24, 0.48), np.arange(-6, 6)):
         state = (0.0, east, heading * math.pi / 6, 0.3, 0.0, 0.0)
-        way_out = escape(channel, keeper(boat), state, lambda _: (0.0, 0.0), across, reaction_s=0.3)
-        if way_out is None:
+        escape_plan = escape(
+            channel, keeper(boat), state, lambda _: (0.0, 0.0), across, reaction_s=0.3
+        )
+        if escape_plan is None:
             continue
         proved += 1
         plant = Plant(boat, state, across)
         for k in range(200):
-            later = keeper(boat).keep(tuple(plant.state), across, way_out.refuge)
-            plant.command(way_out.thrusts[k] if k < len(way_out.thrusts) else later)
+            later = keeper(boat).keep(tuple(plant.state), across, escape_plan.refuge)
+            plant.command(escape_plan.thrusts[k] if k < len(escape_plan.thrusts) else later)
             plant.advance(0.1)
-            assert channel.holds(tuple(plant.state[:2])), (east, heading, k)
+            assert channel.contains(tuple(plant.state[:2])), (east, heading, k)
     assert proved > 20

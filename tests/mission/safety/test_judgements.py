@@ -10,13 +10,18 @@ import pytest
 from grebe.core.dynamics import CALM, Weather
 from grebe.core.errors import UsageError
 from grebe.core.vessel import PRESETS, vessel_named
-from grebe.mission.safety.machine import advised, at_the_fence, blinded, without_way_home
+from grebe.mission.safety.machine import (
+    at_the_fence,
+    next_memory,
+    without_estimates,
+    without_route_home,
+)
 from grebe.mission.safety.memory import Asked, Memory, Request
-from grebe.mission.safety.reserve import Battery, must_go_home, watched_battery, way_home_s
+from grebe.mission.safety.reserve import Battery, must_go_home, route_home_s, updated_battery
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, SafetyState
 from grebe.mission.safety.stuck import Motion
-from grebe.mission.safety.thrusters import Turning, dead_thruster, watched_turning
+from grebe.mission.safety.thrusters import Turning, dead_thruster, updated_turning
 from grebe.simulation.plant import Plant
 
 BOAT = vessel_named("spyboat")
@@ -49,13 +54,13 @@ def test_impossible_settings_are_refused(wrong):
         SafetySettings(**wrong)
 
 
-def test_the_boat_sets_out_when_the_time_left_is_the_way_home():
+def test_the_boat_goes_home_when_the_time_left_is_that_of_the_route_home():
     settings = replace(EASY, max_s=100.0)
     assert must_go_home(Battery(), facts(69.0, home_s=30.0), settings) is None
     assert must_go_home(Battery(), facts(70.0, home_s=30.0), settings).cause is Cause.TIME
 
 
-def test_reserves_of_the_way_home_bring_it_home_earlier():
+def test_reserves_for_the_route_home_bring_it_home_earlier():
     settings = SafetySettings(max_s=100.0, home_share=0.5, home_slack_s=5.0)
     assert must_go_home(Battery(), facts(49.0, home_s=30.0), settings) is None
     assert must_go_home(Battery(), facts(50.0, home_s=30.0), settings).cause is Cause.TIME
@@ -71,17 +76,17 @@ def test_a_battery_s_consumption_is_measured():
     battery = Battery()
     for second in range(101):
         share = 0.9 - 0.002 * second
-        battery = watched_battery(battery, facts(float(second), battery_share=share))
+        battery = updated_battery(battery, facts(float(second), battery_share=share))
     assert battery.share_per_s == pytest.approx(0.002)
     # 0.7 is left and 0.2 must stay, which is enough for 250 s.
     assert must_go_home(battery, facts(100.0, home_s=249.0), EASY) is None
     assert must_go_home(battery, facts(100.0, home_s=251.0), EASY).cause is Cause.BATTERY
 
 
-def test_a_new_battery_is_measured_afresh():
-    battery = watched_battery(Battery(), facts(0.0, battery_share=0.3))
-    battery = watched_battery(battery, facts(60.0, battery_share=0.25))
-    battery = watched_battery(battery, facts(61.0, battery_share=1.0))
+def test_a_new_battery_restarts_the_measurement():
+    battery = updated_battery(Battery(), facts(0.0, battery_share=0.3))
+    battery = updated_battery(battery, facts(60.0, battery_share=0.25))
+    battery = updated_battery(battery, facts(61.0, battery_share=1.0))
     assert (battery.first, battery.share_per_s) == (1.0, None)
 
 
@@ -93,11 +98,11 @@ def test_a_battery_in_watt_hours_keeps_its_reserve():
     assert found.cause is Cause.BATTERY
 
 
-def test_a_way_against_the_current_takes_longer_and_one_that_is_impossible_for_ever():
-    way = np.array([[0.0, 0.0], [100.0, 0.0]])
-    calm, _ = way_home_s(BOAT, way, CALM, 2.0)
-    against, _ = way_home_s(BOAT, way, Weather(current_north_mps=-1.0), 2.0)
-    never, _ = way_home_s(BOAT, way, Weather(current_north_mps=-3.0), 2.0)
+def test_a_route_against_the_current_takes_longer_and_an_impossible_one_infinitely_long():
+    path = np.array([[0.0, 0.0], [100.0, 0.0]])
+    calm, _ = route_home_s(BOAT, path, CALM, 2.0)
+    against, _ = route_home_s(BOAT, path, Weather(current_north_mps=-1.0), 2.0)
+    never, _ = route_home_s(BOAT, path, Weather(current_north_mps=-3.0), 2.0)
     assert 50.0 < calm < 60.0
     assert calm < against < math.inf == never
 
@@ -117,12 +122,12 @@ def weaving(share_port=1.0, share_starboard=1.0):
     ("shares", "dead"),
     [((1.0, 1.0), None), ((0.6, 1.0), None), ((0.0, 1.0), "port"), ((1.0, 0.0), "starboard")],
 )
-def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead):
+def test_a_dead_thruster_is_distinguished_from_a_weak_and_a_sound_one(boat, shares, dead):
     plant, turning, thrusts = weaving(*shares)(boat, REST), Turning(), (0.0, 0.0)
     found = None
     for k in range(400):
         seen = facts(0.1 * k, state=tuple(plant.state), thrusts=thrusts)
-        turning = watched_turning(turning, seen, boat)
+        turning = updated_turning(turning, seen, boat)
         found = found or dead_thruster(turning)
         # Go ahead, weaving to both sides in turn as a helm does.
         side = 0.25 * math.sin(0.8 * k / 10)
@@ -133,12 +138,14 @@ def test_a_dead_thruster_is_told_from_a_weak_and_a_whole_one(boat, shares, dead)
     assert dead is None or dead in found.message
 
 
-def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
+def test_a_survey_waits_for_its_sonde_unless_asked_to_go_on():
     settings = SafetySettings(mute_s=20.0)
 
     def at(time_s, memory, *, mute_s=0.0, asked=None):
         name = "the sonde" if mute_s else ""
-        return advised(memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked or ())
+        return next_memory(
+            memory, facts(time_s, mute=name, mute_s=mute_s), settings, BOAT, asked or ()
+        )
 
     waiting = at(31.0, at(30.0, Memory(), mute_s=20.0), mute_s=21.0)
     assert (waiting.state, waiting.cause) == (SafetyState.HOLDING, Cause.UNMEASURED)
@@ -156,11 +163,11 @@ def test_a_survey_waits_for_its_sonde_and_not_once_somebody_says_to_go_on():
 
 def test_a_boat_that_waits_goes_home_while_the_battery_lasts():
     settings = replace(EASY, max_s=100.0)
-    held = advised(
+    held = next_memory(
         Memory(), facts(10.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),)
     )
-    assert advised(held, facts(69.0, home_s=30.0), settings, BOAT).state is SafetyState.HOLDING
-    sent = advised(held, facts(70.0, home_s=30.0), settings, BOAT)
+    assert next_memory(held, facts(69.0, home_s=30.0), settings, BOAT).state is SafetyState.HOLDING
+    sent = next_memory(held, facts(70.0, home_s=30.0), settings, BOAT)
     assert (sent.state, sent.cause) == (SafetyState.RETURNING, Cause.TIME)
 
 
@@ -169,23 +176,25 @@ def test_the_states_and_how_they_follow_each_other():
     settings = SafetySettings()
     memory = at_the_fence(Memory(), facts(1.0), settings, (0.0, 0.0))
     assert (memory.state, memory.cause) == (SafetyState.HOLDING, Cause.FENCE)
-    memory = advised(memory, facts(3.0), settings, BOAT)
+    memory = next_memory(memory, facts(3.0), settings, BOAT)
     assert (memory.state, memory.cause) == (SafetyState.SURVEYING, Cause.INSIDE_AGAIN)
-    memory = advised(memory, facts(4.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),))
+    memory = next_memory(
+        memory, facts(4.0), settings, BOAT, (Asked(request=Request.HOLD, why="wait"),)
+    )
     assert (memory.state, memory.message) == (SafetyState.HOLDING, "wait")
-    memory = blinded(memory, 5.0, 2.0, settings)
+    memory = without_estimates(memory, 5.0, 2.0, settings)
     assert memory.cause is Cause.BLIND
-    memory = advised(memory, facts(6.0), settings, BOAT)
+    memory = next_memory(memory, facts(6.0), settings, BOAT)
     assert (memory.state, memory.message) == (SafetyState.HOLDING, "wait")
     on = Asked(request=Request.GO_ON, why="now")
-    memory = advised(memory, facts(6.5), settings, BOAT, (on,))
-    memory = blinded(memory, 6.6, 2.0, settings)
-    memory = advised(memory, facts(6.8), settings, BOAT)
+    memory = next_memory(memory, facts(6.5), settings, BOAT, (on,))
+    memory = without_estimates(memory, 6.6, 2.0, settings)
+    memory = next_memory(memory, facts(6.8), settings, BOAT)
     assert (memory.state, memory.cause) == (SafetyState.SURVEYING, Cause.SEES)
     asked = Asked(request=Request.HOME, why="rain")
-    memory = advised(memory, facts(7.0, home_s=10.0), settings, BOAT, (asked,))
+    memory = next_memory(memory, facts(7.0, home_s=10.0), settings, BOAT, (asked,))
     assert (memory.state, memory.message) == (SafetyState.RETURNING, "rain")
-    memory = advised(memory, facts(9.0, at_home=True), settings, BOAT)
+    memory = next_memory(memory, facts(9.0, at_home=True), settings, BOAT)
     assert memory.state is SafetyState.STOPPED
     assert memory.end.value == "came_home"
 
@@ -203,10 +212,10 @@ def test_a_boat_that_is_braked_at_the_fence_too_often_goes_home_and_then_ends():
     assert memory.end.value == "fence_not_kept"
 
 
-def test_a_boat_that_no_way_leads_home_ends_where_it_is():
+def test_a_boat_without_a_route_home_ends_where_it_is():
     asked = Asked(request=Request.HOME, why="rain")
-    memory = advised(Memory(), facts(), SafetySettings(), BOAT, (asked,))
-    memory = without_way_home(memory, 1.0, "home is on land")
+    memory = next_memory(Memory(), facts(), SafetySettings(), BOAT, (asked,))
+    memory = without_route_home(memory, 1.0, "home is on land")
     assert memory.end.value == "home_not_reached"
     assert memory.message == "rain, but: home is on land"
 
@@ -220,15 +229,15 @@ def test_what_is_asked_while_the_boat_must_be_freed_is_answered_after():
     settings = SafetySettings()
     held = Motion(behind_m=99.0, since_s=0.0, time_s=60.0)
     asked = (Asked(request=Request.HOME, why="rain"),)
-    memory = advised(Memory(motion=held), facts(60.0), settings, BOAT, asked)
+    memory = next_memory(Memory(motion=held), facts(60.0), settings, BOAT, asked)
     assert memory.state is SafetyState.FREEING
-    free = advised(memory, facts(61.0 + settings.astern_s), settings, BOAT)
-    home = advised(free, facts(62.0 + settings.astern_s), settings, BOAT)
+    free = next_memory(memory, facts(61.0 + settings.astern_s), settings, BOAT)
+    home = next_memory(free, facts(62.0 + settings.astern_s), settings, BOAT)
     assert (home.state, home.message) == (SafetyState.RETURNING, "rain")
 
 
-def test_requests_of_one_moment_are_answered_in_their_order():
+def test_simultaneous_requests_are_answered_in_order():
     both = (Asked(request=Request.HOME, why="rain"), Asked(request=Request.HOLD, why="a swimmer"))
-    memory = advised(Memory(), facts(), SafetySettings(), BOAT, both)
+    memory = next_memory(Memory(), facts(), SafetySettings(), BOAT, both)
     assert (memory.state, memory.resumes) == (SafetyState.HOLDING, SafetyState.RETURNING)
     assert memory.message == "a swimmer"

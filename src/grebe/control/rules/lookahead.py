@@ -28,7 +28,7 @@ from grebe.control.rules.base import (
 )
 from grebe.core.errors import UsageError
 from grebe.core.sets import TargetSet, footprints_of
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -184,12 +184,12 @@ def _entries(situation: Situation, legs: int, spans_m: float) -> tuple[list[Arra
     side_m = math.sqrt(shapes[0].area)
     if side_m < LARGE_SHARE * spans_m:
         return as_they_are
-    way, room_m = taut_way((north, east), shapes), ENTRY_ROOM * side_m
+    path, room_m = taut_path((north, east), shapes), ENTRY_ROOM * side_m
     rows = aims[0].halfspaces.copy()
     normal = np.hypot(rows[:, 0], rows[:, 1])
-    about = rows[:, :2] @ way[1] + room_m * normal
+    about = rows[:, :2] @ path[1] + room_m * normal
     rows[:, 3] = np.where(normal > 0, np.minimum(rows[:, 3], about), rows[:, 3])
-    place_m = math.hypot(way[1, 0] - north, way[1, 1] - east) - room_m
+    place_m = math.hypot(path[1, 0] - north, path[1, 1] - east) - room_m
     return [rows], TURN_ROOM * max(place_m, away_m)
 
 
@@ -265,22 +265,22 @@ def _start(situation: Situation, arrivals: Sequence[float], stages: Sequence[int
         stage_s = (end - begin) / count
         times += [begin + i * stage_s for i in range(1, count)]
         times.append(end)
-    moments = np.array(times)
-    states, thrusts, costates = _sample(situation, moments, np.array([0.0, *arrivals]))
+    times_s = np.array(times)
+    states, thrusts, costates = _sample(situation, times_s, np.array([0.0, *arrivals]))
     states[0] = situation.state
-    return Plan(states=states, thrusts=thrusts, durations=np.diff(moments), costates=costates)
+    return Plan(states=states, thrusts=thrusts, durations=np.diff(times_s), costates=costates)
 
 
-def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, Array, Array | None]:
+def _sample(situation: Situation, times_s: Array, ends: Array) -> tuple[Array, Array, Array | None]:
     plan = situation.plan
     if plan is None:
-        return *_along_centres(situation, situation.state, 0.0, moments, ends), None
+        return *_along_centres(situation, situation.state, 0.0, times_s, ends), None
     over = plan.duration_s - situation.elapsed_s
-    states, thrusts, costates = plan.sampled(moments + situation.elapsed_s)
-    beyond = moments > over + 1e-9
+    states, thrusts, costates = plan.sampled(times_s + situation.elapsed_s)
+    beyond = times_s > over + 1e-9
     if beyond.any():
         far_states, far_thrusts = _along_centres(
-            situation, plan.states[-1], max(over, 0.0), moments, ends
+            situation, plan.states[-1], max(over, 0.0), times_s, ends
         )
         states[beyond] = far_states[beyond]
         thrusts[beyond[1:]] = far_thrusts[beyond[1:]]
@@ -288,18 +288,18 @@ def _sample(situation: Situation, moments: Array, ends: Array) -> tuple[Array, A
 
 
 def _along_centres(
-    situation: Situation, begin: Sequence[float], since: float, moments: Array, ends: Array
+    situation: Situation, begin: Sequence[float], since: float, times_s: Array, ends: Array
 ) -> tuple[Array, Array]:
     """Straight lines from `begin` at time `since` to the centres of the sets still ahead."""
     later = [i for i in range(1, len(ends)) if ends[i] > since + 1e-9]
     corners = np.array([begin[:2], *(situation.aims[i - 1].centre for i in later)])
     when = np.concatenate([[since], ends[later]])
-    states = np.zeros((len(moments), 6))
+    states = np.zeros((len(times_s), 6))
     for axis in range(2):
-        states[:, axis] = np.interp(moments, when, corners[:, axis])
-    way = np.diff(corners, axis=0)
-    bearings = np.unwrap(np.concatenate([[begin[2]], np.arctan2(way[:, 1], way[:, 0])]))[1:]
-    leg = np.clip(np.searchsorted(when, moments - 1e-9) - 1, 0, len(bearings) - 1)
+        states[:, axis] = np.interp(times_s, when, corners[:, axis])
+    legs = np.diff(corners, axis=0)
+    bearings = np.unwrap(np.concatenate([[begin[2]], np.arctan2(legs[:, 1], legs[:, 0])]))[1:]
+    leg = np.clip(np.searchsorted(when, times_s - 1e-9) - 1, 0, len(bearings) - 1)
     states[:, 2] = bearings[leg]
     states[:, 3] = [_pace(situation.aims[max(later[i] - 1, 0)]) for i in leg]
-    return states, np.full((len(moments) - 1, 2), situation.cruise_thrust_n)
+    return states, np.full((len(times_s) - 1, 2), situation.cruise_thrust_n)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from datetime import UTC, datetime, timedelta, tzinfo
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
@@ -20,6 +20,7 @@ from grebe.core.counts import counted
 from grebe.core.errors import InputError
 from grebe.io.readers.counters import in_seconds, is_counted
 from grebe.io.readers.table import numbers_of
+from grebe.io.readers.zones import without_letters, without_zone_name, zone_in_header
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 # Surveys with a logger are between these [unix s]: 1990 and 2100.
 EARLIEST_S, LATEST_S = 631_152_000.0, 4_102_444_800.0
-MOST_OFFSET_H = 14
 # From Hawaii to Newfoundland [h].
 AMERICAN_H = (-10.0, -2.5)
 FIRST_YEAR = 1900
@@ -54,85 +54,6 @@ _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
 _SHORT_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d", "%y.%m.%d")
 _MONTH_NAMED = ("%d-%b-%Y", "%d %b %Y", "%b %d %Y", "%b %d, %Y", "%d/%b/%Y", "%d-%b-%y")
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")
-_OFFSET = re.compile(r"(?:GMT|UTC)\s*([+-])(\d\d?)(?::?(\d\d))?(?!\d)", re.IGNORECASE)
-_OFFSET_LINE = re.compile(
-    r"(?:time|utc|gmt)\s*(?:zone)?\s*offset\s*[=:,]\s*([+-])?(\d\d?):(\d\d)(?::\d\d)?[,;\s]*",
-    re.IGNORECASE,
-)
-# Zones by the letters that loggers write [h]; ambiguous ones, such as CST, are not known.
-_LETTERS = {
-    "HST": -10, "AKST": -9, "AKDT": -8, "PST": -8, "PDT": -7, "MST": -7, "MDT": -6, "CDT": -5,
-    "EST": -5, "EDT": -4, "AST": -4, "ADT": -3, "WET": 0, "WEST": 1, "CET": 1, "CEST": 2, "MEZ": 1,
-    "MESZ": 2, "EET": 2, "EEST": 3, "JST": 9, "AEST": 10, "AEDT": 11, "NZST": 12, "NZDT": 13,
-}  # fmt: skip
-_ZONE_IN_HEADER = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
-_ZONE_IN_CELL = re.compile(rf"\s*({'|'.join(_LETTERS)})$")
-_BARE_OFFSET = re.compile(r"([+-])(\d\d?)(?::?(\d\d))?")
-
-
-def zone_of(name: str) -> tzinfo:
-    """Return the zone of a name such as Europe/Paris; `InputError` if there is none."""
-    try:
-        return ZoneInfo(name)
-    except (KeyError, ValueError, OSError):
-        raise InputError(
-            f"There is no time zone {name!r}; give one of the tz database, such as Europe/Paris.",
-            settings=("zone",),
-        ) from None
-
-
-def zone_in_header(header: str) -> tzinfo | None:
-    """Return the offset that a header such as `Date Time, GMT-04:00` names."""
-    found = _OFFSET.search(header)
-    if found is not None:
-        return _offset(*found.groups())
-    letters = _ZONE_IN_HEADER.search(header)
-    if letters is not None:
-        return _of_letters(letters[1])
-    return UTC if re.search(r"(?<![a-z])utc(?![a-z])", header, re.IGNORECASE) else None
-
-
-def _of_letters(name: str) -> tzinfo:
-    return timezone(timedelta(hours=_LETTERS[name]))
-
-
-def zone_in_cells(cells: Sequence[str]) -> tzinfo | None:
-    """Return the zone that a column names equally in all rows; None for anything else.
-
-    It is written as `-05:00`, `UTC` or a name of the tz database.
-    """
-    said = {cell.strip() for cell in cells if cell.strip()}
-    if len(said) != 1:
-        return None
-    text = said.pop()
-    bare = _BARE_OFFSET.fullmatch(text)
-    if bare is not None:
-        return _offset(*bare.groups())
-    try:
-        return zone_in_header(text) or zone_of(text)
-    except InputError:
-        return None
-
-
-def zone_in_preamble(lines: Sequence[str]) -> tuple[tzinfo, str] | None:
-    """Return the zone that a line before the header names as the times' offset, and the line.
-
-    An example is `Time Offset = -07:00:00` in an In-Situ export.
-    """
-    for line in lines:
-        found = _OFFSET_LINE.fullmatch(line.strip())
-        zone = None if found is None else _offset(found[1] or "+", found[2], found[3])
-        if zone is not None:
-            return zone, line.strip()
-    return None
-
-
-def _offset(sign: str, hours: str, minutes: str | None) -> tzinfo | None:
-    """Return the zone of an offset; None for one that no place on Earth has."""
-    if int(hours) > MOST_OFFSET_H or int(minutes or 0) > 59:
-        return None
-    away = timedelta(hours=int(hours), minutes=int(minutes or 0))
-    return timezone(-away if sign == "-" else away)
 
 
 def plausible(times: Array) -> tuple[Array, list[str]]:
@@ -168,14 +89,14 @@ def read_times(
     values = numbers_of(cells)
     if np.isfinite(values).mean() >= 0.5:
         return _of_numbers(values, header, zone)
-    cells, own = _without_letters([_without_zone_name(cell) for cell in cells])
+    cells, own = without_letters([without_zone_name(cell) for cell in cells])
     zone = own or zone
-    moments, told = [_iso(cell) for cell in cells], list[str]()
-    if sum(moment is not None for moment in moments) < len(cells) / 2:
-        moments, told = _written(cells, header, zone)
-    if sum(moment is not None for moment in moments) < max(len(cells) / 2, 1):
+    times, told = [_iso(cell) for cell in cells], list[str]()
+    if sum(moment is not None for moment in times) < len(cells) / 2:
+        times, told = _written(cells, header, zone)
+    if sum(moment is not None for moment in times) < max(len(cells) / 2, 1):
         return None
-    seconds, notes = _in_seconds(moments, zone)
+    seconds, notes = _in_seconds(times, zone)
     return seconds, [*told, *notes]
 
 
@@ -212,21 +133,6 @@ def _are_days(days: Array) -> bool:
         return False
     step = float(np.median(np.abs(np.diff(known))))
     return step < LARGEST_STEP_DAYS and bool(np.any(known != np.rint(known)))
-
-
-def _without_zone_name(text: str) -> str:
-    """Return `2024-07-03 09:15:00 UTC` as ISO 8601 has it."""
-    return (
-        re.sub(r"\s*(?<![A-Z])(UTC|GMT|Z)$", "+00:00", text.strip()) if text[-1:] in "CTZ" else text
-    )
-
-
-def _without_letters(cells: Sequence[str]) -> tuple[Sequence[str], tzinfo | None]:
-    """Return times without the letters of the one zone that ends all of them, and the zone."""
-    said = {found[1] if (found := _ZONE_IN_CELL.search(cell)) else "" for cell in cells if cell}
-    if len(said) != 1 or said == {""}:
-        return cells, None
-    return [_ZONE_IN_CELL.sub("", cell) for cell in cells], _of_letters(said.pop())
 
 
 def _iso(text: str) -> datetime | None:
@@ -351,15 +257,15 @@ def _parsed(text: str, form: str) -> datetime | None:
     return read if read.year >= FIRST_YEAR else None
 
 
-def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tuple[Array, list[str]]:
+def _in_seconds(times: Sequence[datetime | None], zone: tzinfo | None) -> tuple[Array, list[str]]:
     local = zone or UTC
-    naive = [moment for moment in moments if moment is not None and moment.tzinfo is None]
+    naive = [moment for moment in times if moment is not None and moment.tzinfo is None]
     seconds = np.array(
         [
             np.nan
             if one is None
             else (one if one.tzinfo else one.replace(tzinfo=local)).timestamp()
-            for one in moments
+            for one in times
         ]
     )
     notes: list[str] = []
@@ -367,7 +273,7 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
         notes.append("times without a zone: taken as UTC")
     doubtful = 0
     if isinstance(local, ZoneInfo):
-        seconds, doubtful, missing = _folded(moments, seconds, local)
+        seconds, doubtful, missing = _folded(times, seconds, local)
         if missing:
             notes.append(
                 f"{counted(missing, 'time')} in the hour that {local.key} skipped when summer time "
@@ -382,7 +288,7 @@ def _in_seconds(moments: Sequence[datetime | None], zone: tzinfo | None) -> tupl
 
 
 def _folded(
-    moments: Sequence[datetime | None], seconds: Array, zone: ZoneInfo
+    times: Sequence[datetime | None], seconds: Array, zone: ZoneInfo
 ) -> tuple[Array, int, int]:
     """Resolve the times in the hour that came twice.
 
@@ -391,7 +297,7 @@ def _folded(
     """
     found, doubtful, missing = seconds.copy(), 0, 0
     latest = -np.inf
-    for place, one in enumerate(moments):
+    for place, one in enumerate(times):
         if one is None or one.tzinfo is not None:
             continue
         summer, winter = (one.replace(tzinfo=zone, fold=fold).timestamp() for fold in (0, 1))

@@ -6,8 +6,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from grebe.core.errors import TrackError
-from grebe.io.readers.hostile import check_xml
 from grebe.io.readers.table import Table
+from grebe.io.readers.untrusted import check_xml
 
 # Elements of Garmin's TrackPointExtension, with the column names that loggers use. Its depth is
 # that of the water below a boat, or of a diver.

@@ -22,8 +22,8 @@ from grebe.core.counts import counted
 from grebe.core.errors import InputError, RegionError
 from grebe.core.sets import hull_of
 from grebe.io.readers.features import chosen, feature_name, feature_text
-from grebe.io.readers.hostile import check_size, check_xml, unpacked
 from grebe.io.readers.text import read_text
+from grebe.io.readers.untrusted import check_size, check_xml, unpacked
 
 if TYPE_CHECKING:
     from grebe.io.readers.track import TrackColumns

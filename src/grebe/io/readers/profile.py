@@ -22,8 +22,8 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from grebe.core.errors import InputError
-from grebe.io.readers.clock import zone_of
 from grebe.io.readers.quantities import read_toml
+from grebe.io.readers.zones import zone_of
 
 _KEYS = ("names", "columns", "zone", "note")
 

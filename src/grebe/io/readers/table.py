@@ -18,7 +18,7 @@ import numpy as np
 from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.core.header_units import parse_unit, split_header
-from grebe.io.readers.header_again import under_one_header
+from grebe.io.readers.repeated_headers import under_one_header
 from grebe.io.readers.separators import BLANKS, rows_of, separator
 from grebe.io.readers.text import read_any_text
 from grebe.io.readers.unit_columns import with_units

@@ -19,13 +19,13 @@ from grebe.core.counts import counted
 from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
+from grebe.io.readers.ambiguities import ambiguities
 from grebe.io.readers.columns import DATE, OXYGEN, Column, find_columns
-from grebe.io.readers.doubts import doubts
 from grebe.io.readers.formats import read_logged
-from grebe.io.readers.moments import read_moments
 from grebe.io.readers.places import read_places
 from grebe.io.readers.profile import Profile
 from grebe.io.readers.table import Table, cells_of, no_numbers, numbers_of
+from grebe.io.readers.times import read_time_columns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -155,11 +155,11 @@ def _in_order(
         return as_read, []
     order = np.argsort(times, kind="stable")
 
-    def way(rows: NDArray[np.intp]) -> float:
+    def length(rows: NDArray[np.intp]) -> float:
         steps = np.diff(lonlat[rows], axis=0)
         return float(np.nansum(np.hypot(*steps.T)))
 
-    if way(order) > NO_LONGER * way(as_read):
+    if length(order) > NO_LONGER * length(as_read):
         return as_read, []
     return order, ["rows out of order: sorted by their times"]
 
@@ -182,23 +182,23 @@ def read_readings(
     found, by_sounder = _of_a_sounder(found, given, quantities)
     named = given.get("time")
     clock = zone or profile.zone
-    moments = read_moments(path, table, found, named, clock, placed=placed, day=given.get(DATE))
+    times = read_time_columns(path, table, found, named, clock, placed=placed, day=given.get(DATE))
     values, converted = _values(path, table, found, quantities)
     lonlat, said, sides = None, list[str](), list[str]()
     if "lat" in found and "lon" in found:
         lonlat, said, sides = read_places(table, found)
     columns = {key: one.name for key, one in found.items()}
-    by_two = bool(moments.columns)
+    by_two = bool(times.columns)
     named_so = {name for key, name in columns.items() if not (by_two and key == "time")}
-    used = {*named_so, *moments.columns, *moments.clues, *sides, *table.clues}
+    used = {*named_so, *times.columns, *times.clues, *sides, *table.clues}
     if by_two:
-        columns["time"] = " and ".join(moments.columns)
+        columns["time"] = " and ".join(times.columns)
     return Readings(
         lonlat=lonlat,
-        times=moments.times,
+        times=times.times,
         values=values,
         columns=columns,
-        notes=(*table.notes, *moments.notes, *by_sounder, *converted, *said),
+        notes=(*table.notes, *times.notes, *by_sounder, *converted, *said),
         unused=tuple(name for name in table.header if name and name not in used),
     )
 
@@ -237,7 +237,7 @@ def _values(
         notes += no_numbers(found[key].name, cells, numbers)
     for key, column in found.items():
         if key in quantities:
-            notes += doubts(column, quantities[key], found)
+            notes += ambiguities(column, quantities[key], found)
         if column.converted:
             values[key] = _converted(path, values, key, column)
             notes.append(_conversion_text(column, quantities[key].unit))

@@ -10,7 +10,7 @@ from types import TracebackType
 
 from grebe.core.errors import SurveyFileError
 from grebe.io.atomic_write import written_whole
-from grebe.io.store import claims
+from grebe.io.store import locks
 
 JOURNAL_BYTES = 8_000_000
 
@@ -71,7 +71,7 @@ class Transaction:
 
 
 # How long to wait for another process that writes to the same file [s].
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -79,7 +79,7 @@ def connect(path: Path) -> sqlite3.Connection:
 
     A mission writes in another thread than the one that opened the file.
     """
-    return sqlite3.connect(path, isolation_level=None, timeout=PATIENCE_S, check_same_thread=False)
+    return sqlite3.connect(path, isolation_level=None, timeout=TIMEOUT_S, check_same_thread=False)
 
 
 def make_durable(connection: sqlite3.Connection) -> None:
@@ -101,7 +101,7 @@ def new_file(path: Path, *, force: bool) -> Generator[Path]:
             f"{path} exists already; give another name, or replace it by force.",
             settings=("force",),
         )
-    if path.exists() and claims.is_taken(path):
+    if path.exists() and locks.is_locked(path):
         raise SurveyFileError(f"{path} is being written by a mission; give another name.")
     with written_whole(path, sqlite3.Error, UnwrittenError, error=SurveyFileError) as part:
         try:

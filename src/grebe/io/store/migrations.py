@@ -15,7 +15,7 @@ from pathlib import Path
 from grebe.core.errors import SurveyFileError
 from grebe.core.quantities import BUILTIN, Quantities, Quantity
 from grebe.io.store import geopackage
-from grebe.io.store.claims import claimed
+from grebe.io.store.locks import locked
 from grebe.io.store.plan_tables import type_the_plan
 from grebe.io.store.revision_tables import keep_revisions
 
@@ -75,7 +75,7 @@ def migrate(path: Path, connection: sqlite3.Connection, version: int) -> None:
     if has >= version:
         return
     why = f"{path} was made by an older Grebe and is brought up to date once, when it is opened"
-    with claimed(path, why):
+    with locked(path, why):
         try:
             connection.execute("BEGIN IMMEDIATE")
             # Another process may have done it meanwhile.

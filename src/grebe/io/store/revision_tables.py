@@ -140,9 +140,9 @@ def read_all(
         if last_only and i + 1 < len(heads):
             continue
         if number == 1:
-            order, ways = list(range(1, count + 1)), tuple(corridors[:count])
+            order, legs = list(range(1, count + 1)), tuple(corridors[:count])
         else:
-            order, ways = _legs(connection, frame, number)
+            order, legs = _legs(connection, frame, number)
         highest = max([highest, *order])
         found.append(
             PlanRevision(
@@ -151,7 +151,7 @@ def read_all(
                 note=note,
                 made_at=None if made_at is None else parse_time(made_at),
                 targets=tuple(pool[seq] for seq in order),
-                corridors=ways,
+                corridors=legs,
                 sorties=_sorties(connection, frame, number),
                 highest_seq=highest,
                 settings=made_with[max(since for since in made_with if since <= number)],

@@ -25,7 +25,7 @@ from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.revision import PlanRevision, begun_anew, survey_of
 from grebe.core.samples import Sample, Samples
 from grebe.core.survey import Survey
-from grebe.io.store import claims, geopackage, rescue, revision_tables, schema, sessions
+from grebe.io.store import geopackage, locks, rescue, revision_tables, schema, sessions
 from grebe.io.store.database import Transaction, connect, make_durable, new_file, unwritten
 from grebe.io.store.migrations import migrate
 from grebe.io.store.survey_reader import SurveyReader
@@ -150,10 +150,10 @@ class SurveyFile(SurveyReader):
         make_durable(connection)
         self._connection.close()
         if self._lock is not None:
-            claims.drop(self.path, self._lock)
+            locks.release(self.path, self._lock)
         self.path, self._connection = path, connection
         self._together = Transaction(path, connection)
-        self._lock = claims.take(path)
+        self._lock = locks.acquire(path)
         self._identity = rescue.identity(path)
 
     def __enter__(self) -> Self:
@@ -171,7 +171,7 @@ class SurveyFile(SurveyReader):
         """Keep other missions off this file until it is closed; readers are not disturbed."""
         if self._lock is not None:
             return
-        self._lock = claims.take(self.path)
+        self._lock = locks.acquire(self.path)
         if self._lock is None:
             raise SurveyFileError(f"{self.path} is being written by another mission.")
 
@@ -198,7 +198,7 @@ class SurveyFile(SurveyReader):
             sessions.fold(self._connection)
         self._connection.close()
         if self._lock is not None:
-            claims.drop(self.path, self._lock)
+            locks.release(self.path, self._lock)
             self._lock = None
 
     def _note_whole(self) -> None:
@@ -207,12 +207,12 @@ class SurveyFile(SurveyReader):
         The journal of a dead mission is being moved into the file. If a mission is still writing,
         nothing is noted.
         """
-        lock = self._lock or claims.take(self.path)
+        lock = self._lock or locks.acquire(self.path)
         if lock is None:
             return
         sessions.leave(self._connection)
         if lock is not self._lock:
-            claims.drop(self.path, lock)
+            locks.release(self.path, lock)
 
     @property
     def journal_missing(self) -> bool:

@@ -14,7 +14,7 @@ from grebe.links.instruments.profile import Measured, Profile, Text
 
 
 @dataclass(frozen=True, kw_only=True)
-class Said:
+class DecodedReading:
     """One reading: values by quantity, in the registry's units, and the `stamp` of the instrument's
     own clock [unix s], None if it gives no time.
     """
@@ -35,7 +35,7 @@ class Counts:
     unused: dict[str, None] = field(default_factory=dict)
 
 
-class Meanings:
+class ChannelMap:
     """The meaning of codes, columns and registers: a quantity, and its conversion to our unit."""
 
     def __init__(self, profile: Profile, quantities: Quantities) -> None:
@@ -45,10 +45,10 @@ class Meanings:
         """Return the quantity and its value in our unit; None if there is no conversion, or `raw`
         is not finite.
         """
-        turns = self._conversion(what.quantity, unit or what.unit)
-        if turns is None or not math.isfinite(raw):
+        converts = self._conversion(what.quantity, unit or what.unit)
+        if converts is None or not math.isfinite(raw):
             return None
-        return what.quantity, float(turns.factor * raw + turns.offset)
+        return what.quantity, float(converts.factor * raw + converts.offset)
 
     def of_code(self, code: str) -> Measured | None:
         """Return the meaning of a code; None if it is not kept."""
@@ -71,11 +71,11 @@ class TextDecoder:
     def __init__(self, profile: Profile, quantities: Quantities) -> None:
         assert profile.text is not None
         self._text: Text = profile.text
-        self._meanings = Meanings(profile, quantities)
+        self._channels = ChannelMap(profile, quantities)
         self.listed: tuple[str, ...] = ()
         self.counts = Counts()
 
-    def take(self, raw: bytes) -> Said | None:
+    def take(self, raw: bytes) -> DecodedReading | None:
         """Return the reading of a line; None if it is damaged, or not a reading."""
         fields = self._fields(raw)
         if fields is None:
@@ -85,7 +85,7 @@ class TextDecoder:
             self.counts.damaged += 1
             return None
         self.counts.readings += 1
-        return Said(values=found, stamp=self._stamp(fields))
+        return DecodedReading(values=found, stamp=self._stamp(fields))
 
     def list_codes(self, raw: bytes) -> bool:
         """Learn the fields' codes from an answer to `list_codes`; return whether this is one."""
@@ -106,8 +106,8 @@ class TextDecoder:
         if not line or not line.startswith(text.begins):
             self.counts.others += bool(line)
             return None
-        body, star, told = line.partition("*")
-        if text.checksum == "required" and not (star and _sum_holds(body, told)):
+        body, star, checksum = line.partition("*")
+        if text.checksum == "required" and not (star and _checksum_holds(body, checksum)):
             self.counts.damaged += 1
             return None
         body = body if text.checksum != "none" else line
@@ -118,7 +118,7 @@ class TextDecoder:
         return fields
 
     def _values(self, fields: Sequence[str]) -> list[tuple[str, float] | None]:
-        text, meanings = self._text, self._meanings
+        text, meanings = self._text, self._channels
         found = [
             self._measured(Measured(quantity=one.quantity, unit=one.unit), fields, one.at)
             for one in text.columns
@@ -137,23 +137,23 @@ class TextDecoder:
         self, what: Measured, fields: Sequence[str], at: int, unit: str = ""
     ) -> tuple[str, float] | None:
         raw = _number(_at(fields, at))
-        return None if raw is None else self._meanings.value(what, raw, unit)
+        return None if raw is None else self._channels.value(what, raw, unit)
 
     def _coded(self, code: str, value: str, unit: str) -> tuple[str, float] | None:
-        what, raw = self._meanings.of_code(code), _number(value)
+        what, raw = self._channels.of_code(code), _number(value)
         if what is None:
             self.counts.unused[f"code {code}"] = None
-        return None if what is None or raw is None else self._meanings.value(what, raw, unit)
+        return None if what is None or raw is None else self._channels.value(what, raw, unit)
 
     def _stamp(self, fields: Sequence[str]) -> float | None:
         stamp = self._text.stamp
         if stamp is None:
             return None
         try:
-            told = datetime.strptime(" ".join(_at(fields, i) for i in stamp.at), stamp.format)
+            checksum = datetime.strptime(" ".join(_at(fields, i) for i in stamp.at), stamp.format)
         except ValueError:
             return None
-        return (told if told.tzinfo else told.replace(tzinfo=UTC)).timestamp()
+        return (checksum if checksum.tzinfo else checksum.replace(tzinfo=UTC)).timestamp()
 
 
 class RegisterDecoder:
@@ -162,14 +162,14 @@ class RegisterDecoder:
     def __init__(self, profile: Profile, quantities: Quantities) -> None:
         assert profile.modbus is not None
         self._modbus = profile.modbus
-        self._meanings = Meanings(profile, quantities)
+        self._channels = ChannelMap(profile, quantities)
         self.counts = Counts()
 
     def take(
         self,
         read: Callable[[int, int], Sequence[int]],
         as_float: Callable[[Sequence[int]], float],
-    ) -> Said | None:
+    ) -> DecodedReading | None:
         """Return the reading of the registers; `as_float` converts two of them to a number."""
         found = dict(filter(None, [*self._fixed(read, as_float), *self._listed(read, as_float),
                                    *self._blocks(read, as_float)]))  # fmt: skip
@@ -177,7 +177,7 @@ class RegisterDecoder:
             self.counts.damaged += 1
             return None
         self.counts.readings += 1
-        return Said(values=found)
+        return DecodedReading(values=found)
 
     def _fixed(
         self,
@@ -189,7 +189,7 @@ class RegisterDecoder:
             words = read(one.register, 2 if one.kind == "float" else 1)
             raw = as_float(words) if one.kind == "float" else _signed(words[0])
             what = Measured(quantity=one.quantity, unit=one.unit)
-            found.append(self._meanings.value(what, one.scale * raw))
+            found.append(self._channels.value(what, one.scale * raw))
         return found
 
     def _listed(
@@ -219,16 +219,16 @@ class RegisterDecoder:
             words = read(at, 5)
             code, unit, quality = words[2:5]
             if code and quality == 0:
-                name = self._meanings.unit(str(unit))
+                name = self._channels.unit(str(unit))
                 found.append(self._coded(str(code), as_float(words[:2]), name))
         return found
 
     def _coded(self, code: str, raw: float, unit: str) -> tuple[str, float] | None:
-        what = self._meanings.of_code(code)
+        what = self._channels.of_code(code)
         if what is None:
             self.counts.unused[f"code {code}"] = None
             return None
-        return self._meanings.value(what, raw, unit)
+        return self._channels.value(what, raw, unit)
 
 
 def xor_sum(body: str) -> int:
@@ -236,9 +236,9 @@ def xor_sum(body: str) -> int:
     return reduce(lambda a, b: a ^ b, body.removeprefix("$").encode(), 0)
 
 
-def _sum_holds(body: str, told: str) -> bool:
+def _checksum_holds(body: str, checksum: str) -> bool:
     try:
-        return int(told[:2], 16) == xor_sum(body)
+        return int(checksum[:2], 16) == xor_sum(body)
     except ValueError:
         return False
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 from grebe.core.quantities import Quantities
 from grebe.links.base import Reading
-from grebe.links.instruments.decoding import Said
+from grebe.links.instruments.decoding import DecodedReading
 from grebe.links.instruments.profile import Profile
-from grebe.links.instruments.speakers import Speaker, speaker_at
+from grebe.links.instruments.sources import InstrumentSource, open_source
 
 # The most readings that can wait: some minutes of the fastest instrument.
 MOST_WAITING = 20_000
@@ -48,9 +48,9 @@ class OwnClock:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Waiting:
+class _Queued:
     measured_s: float
-    said: Said
+    decoded: DecodedReading
 
 
 class Instrument:
@@ -61,13 +61,13 @@ class Instrument:
     def __init__(self, address: str, name: str, profile: Profile, quantities: Quantities) -> None:
         self.address, self.name, self.profile = address, name, profile
         self._quantities = quantities
-        self._waiting: deque[_Waiting] = deque(maxlen=MOST_WAITING)
+        self._queue: deque[_Queued] = deque(maxlen=MOST_WAITING)
         self._notes: deque[tuple[str, str]] = deque(maxlen=100)
         self._clock = OwnClock()
-        self._speaker: Speaker | None = None
+        self._source: InstrumentSource | None = None
         self._stopping = threading.Event()
-        self._heard_s = time.monotonic()
-        self._speaks = False
+        self._last_s = time.monotonic()
+        self._is_sending = False
         self._broken = ""
         self._thread = threading.Thread(target=self._run, name=f"instrument {name}", daemon=True)
         self._thread.start()
@@ -80,12 +80,12 @@ class Instrument:
     @property
     def state(self) -> str:
         """The state of the instrument, in words."""
-        speaker = self._speaker
+        source = self._source
         if self._broken:
             return self._broken
-        if speaker is None:
+        if source is None:
             return "the line is not open yet"
-        counts = speaker.counts
+        counts = source.counts
         text = f"{counts.readings} readings, {counts.damaged} damaged"
         return text + (f"; not kept: {', '.join(counts.unused)}" if counts.unused else "")
 
@@ -97,20 +97,20 @@ class Instrument:
     @property
     def is_open(self) -> bool:
         """Whether its line has been opened; it may have broken since."""
-        return self._speaker is not None
+        return self._source is not None
 
     @property
-    def speaks(self) -> bool:
+    def is_sending(self) -> bool:
         """Whether readings come."""
-        return self._speaks
+        return self._is_sending
 
     def readings(self) -> list[Reading]:
         """Return the readings since the last call, in order."""
         now_s = time.monotonic()
         taken: list[Reading] = []
-        while self._waiting:
-            one = self._waiting.popleft()
-            taken.append(Reading(age_s=max(0.0, now_s - one.measured_s), values=one.said.values))
+        while self._queue:
+            one = self._queue.popleft()
+            taken.append(Reading(age_s=max(0.0, now_s - one.measured_s), values=one.decoded.values))
         return taken
 
     def notes(self) -> list[tuple[str, str]]:
@@ -125,7 +125,7 @@ class Instrument:
     def _run(self) -> None:
         retry_s = RETRY_S
         while not self._stopping.is_set():
-            before = self._speaks
+            before = self._is_sending
             try:
                 self._listen()
                 broke = f"no reading for {self._silence_s:.0f} s"
@@ -134,35 +134,35 @@ class Instrument:
                 broke = str(error).rstrip(".") or type(error).__name__
             if self._stopping.is_set():
                 return
-            retry_s = RETRY_S if before or self._speaks else min(2 * retry_s, LONGEST_RETRY_S)
-            self._fall_silent(broke)
+            retry_s = RETRY_S if before or self._is_sending else min(2 * retry_s, LONGEST_RETRY_S)
+            self._note_silence(broke)
             self._stopping.wait(retry_s)
 
     def _listen(self) -> None:
         """Read until the instrument falls silent, the line breaks, or the thread has to end."""
-        speaker = self._speaker = speaker_at(self.address, self.profile, self._quantities)
+        source = self._source = open_source(self.address, self.profile, self._quantities)
         try:
-            self._heard_s = time.monotonic()
-            for said in speaker.readings(self._stopping.is_set):
+            self._last_s = time.monotonic()
+            for decoded in source.readings(self._stopping.is_set):
                 now_s = time.monotonic()
-                if said is None:
-                    if now_s - self._heard_s > self._silence_s:
+                if decoded is None:
+                    if now_s - self._last_s > self._silence_s:
                         return
                     continue
-                self._heard_s = now_s
-                self._take(said, now_s)
+                self._last_s = now_s
+                self._take(decoded, now_s)
         finally:
-            speaker.close()
+            source.close()
 
-    def _take(self, said: Said, now_s: float) -> None:
-        if not self._speaks:
+    def _take(self, decoded: DecodedReading, now_s: float) -> None:
+        if not self._is_sending:
             if self._broken:
                 self._notes.append(("instrument_again", f"{self.name} sends readings again"))
-            self._speaks, self._broken = True, ""
+            self._is_sending, self._broken = True, ""
         late_s = self.profile.late_s
-        if said.stamp is not None:
-            late_s += self._clock.age_s(said.stamp, now_s)
-        self._waiting.append(_Waiting(measured_s=now_s - late_s, said=said))
+        if decoded.stamp is not None:
+            late_s += self._clock.age_s(decoded.stamp, now_s)
+        self._queue.append(_Queued(measured_s=now_s - late_s, decoded=decoded))
 
     @property
     def _silence_s(self) -> float:
@@ -170,13 +170,13 @@ class Instrument:
         every_s = asked.every_s if asked is not None else 1.0
         return max(SILENT_S, SILENT_PERIODS * every_s)
 
-    def _fall_silent(self, why: str) -> None:
-        if self._speaks or not self._broken:
+    def _note_silence(self, why: str) -> None:
+        if self._is_sending or not self._broken:
             self._notes.append(("instrument_silent", f"{self.name} at {self.address}: {why}"))
-        self._speaks, self._broken = False, why
+        self._is_sending, self._broken = False, why
 
 
-class Bench:
+class InstrumentSet:
     """Several instruments as one; see `grebe.links.base.Instruments`."""
 
     def __init__(self, instruments: Sequence[Instrument]) -> None:
@@ -190,7 +190,7 @@ class Bench:
     @property
     def silent(self) -> tuple[str, ...]:
         """See `Instruments`."""
-        return tuple(one.name for one in self.each if not one.speaks)
+        return tuple(one.name for one in self.each if not one.is_sending)
 
     def readings(self) -> list[Reading]:
         """See `Instruments`."""

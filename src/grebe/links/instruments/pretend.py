@@ -29,7 +29,7 @@ Truth = Callable[[float], Mapping[str, float]]
 POLL_S = 0.02
 
 
-def ordinary_water(time_s: float) -> dict[str, float]:
+def typical_water(time_s: float) -> dict[str, float]:
     """Return plausible values of every quantity, which vary a little with time."""
     wave = math.sin(time_s / 20.0)
     return {
@@ -39,34 +39,34 @@ def ordinary_water(time_s: float) -> dict[str, float]:
     }
 
 
-class Voice(Protocol):
+class SimulatedInstrument(Protocol):
     """What an instrument sends, in answer and by itself."""
 
-    def hear(self, data: bytes) -> bytes:
+    def receive(self, data: bytes) -> bytes:
         """Return the answer to what came over the line; empty if there is none."""
         ...
 
-    def say(self) -> bytes:
+    def due(self) -> bytes:
         """Return what is due to be sent unrequested."""
         ...
 
 
-class TextVoice:
+class SimulatedTextInstrument:
     """An instrument that sends lines; `period_s` is the time between unrequested lines."""
 
     def __init__(self, profile: Profile, truth: Truth, period_s: float = 1.0) -> None:
         assert profile.text is not None
         self._profile, self._text, self._truth = profile, profile.text, truth
         self._period_s, self._next_s = period_s, 0.0
-        self._heard = b""
+        self._received = b""
 
-    def hear(self, data: bytes) -> bytes:
-        """See `Voice`."""
-        *told, self._heard = (self._heard + data).split(b"\r")
-        return b"".join(self._answer(one.decode() + "\r") for one in told)
+    def receive(self, data: bytes) -> bytes:
+        """See `SimulatedInstrument`."""
+        *request, self._received = (self._received + data).split(b"\r")
+        return b"".join(self._answer(one.decode() + "\r") for one in request)
 
-    def say(self) -> bytes:
-        """See `Voice`."""
+    def due(self) -> bytes:
+        """See `SimulatedInstrument`."""
         now_s = time.monotonic()
         if self._text.ask or now_s < self._next_s:
             return b""
@@ -94,10 +94,10 @@ class TextVoice:
             fields[one.at - 1] = f"{_in(what, values):.4f}"
         return (text.delimiter or " ").join(fields)
 
-    def _answer(self, told: str) -> bytes:
-        if told == self._text.ask:
+    def _answer(self, request: str) -> bytes:
+        if request == self._text.ask:
             return self.line().encode() + b"\r\n"
-        if told == self._text.list_codes:
+        if request == self._text.list_codes:
             return " ".join(self._profile.codes).encode() + b"\r\n"
         return b"OK\r\n"
 
@@ -105,30 +105,30 @@ class TextVoice:
         return f"{body}*{xor_sum(body):02X}"
 
 
-class ModbusVoice:
+class SimulatedModbusInstrument:
     """An instrument with registers: function 3 reads them, and 6 and 16 write them."""
 
     def __init__(self, profile: Profile, truth: Truth) -> None:
         assert profile.modbus is not None
         self._profile, self._modbus, self._truth = profile, profile.modbus, truth
-        self._heard = b""
+        self._received = b""
 
-    def hear(self, data: bytes) -> bytes:
-        """See `Voice`."""
-        self._heard += data
+    def receive(self, data: bytes) -> bytes:
+        """See `SimulatedInstrument`."""
+        self._received += data
         length = 8
-        if len(self._heard) > 6 and self._heard[1] == 16:
-            length = 9 + self._heard[6]
-        if len(self._heard) < length:
+        if len(self._received) > 6 and self._received[1] == 16:
+            length = 9 + self._received[6]
+        if len(self._received) < length:
             return b""
-        asked, self._heard = self._heard[:length], b""
+        asked, self._received = self._received[:length], b""
         if crc16(asked[:-2]) != asked[-2:] or asked[0] != self._modbus.device:
             return b""
         body = self._answer(asked)
         return body + crc16(body)
 
-    def say(self) -> bytes:
-        """See `Voice`: an instrument with registers only answers."""
+    def due(self) -> bytes:
+        """See `SimulatedInstrument`: an instrument with registers only answers."""
         return b""
 
     def _answer(self, asked: bytes) -> bytes:
@@ -164,18 +164,20 @@ class ModbusVoice:
         held[at], held[at + 1] = ordered
 
 
-def voice_of(profile: Profile, truth: Truth = ordinary_water, period_s: float = 1.0) -> Voice:
-    """Return the voice of an instrument of this kind."""
+def simulated_instrument(
+    profile: Profile, truth: Truth = typical_water, period_s: float = 1.0
+) -> SimulatedInstrument:
+    """Return a simulated instrument of this kind."""
     if profile.modbus is not None:
-        return ModbusVoice(profile, truth)
-    return TextVoice(profile, truth, period_s)
+        return SimulatedModbusInstrument(profile, truth)
+    return SimulatedTextInstrument(profile, truth, period_s)
 
 
 class PretendSerial:
-    """A voice on a pseudo-terminal; `device` can be opened as a serial line."""
+    """An instrument on a pseudo-terminal; `device` can be opened as a serial line."""
 
-    def __init__(self, voice: Voice) -> None:
-        self._voice = voice
+    def __init__(self, instrument: SimulatedInstrument) -> None:
+        self._instrument = instrument
         self._ours, theirs = pty.openpty()
         tty.setraw(theirs)
         self.device = os.ttyname(theirs)
@@ -197,20 +199,20 @@ class PretendSerial:
     def _serve(self) -> None:
         while not self._stopping.is_set():
             ready, _, _ = select.select([self._ours], [], [], POLL_S)
-            answer = self._voice.hear(os.read(self._ours, 4096)) if ready else b""
-            answer += self._voice.say()
+            answer = self._instrument.receive(os.read(self._ours, 4096)) if ready else b""
+            answer += self._instrument.due()
             if answer:
                 os.write(self._ours, answer)
 
 
 class PretendUdp:
-    """A voice that sends its lines to HOST:PORT."""
+    """An instrument that sends its lines to HOST:PORT."""
 
-    def __init__(self, voice: Voice, address: str) -> None:
+    def __init__(self, instrument: SimulatedInstrument, address: str) -> None:
         host, _, port = address.rpartition(":")
         if not host or not port.isdigit():
             raise LinkError(f"{address!r} is not a HOST:PORT to send to, such as 127.0.0.1:4001.")
-        self._voice, self._to = voice, (host, int(port))
+        self._instrument, self._to = instrument, (host, int(port))
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
@@ -224,9 +226,9 @@ class PretendUdp:
 
     def _serve(self) -> None:
         while not self._stopping.wait(POLL_S):
-            said = self._voice.say()
-            if said:
-                self._socket.sendto(said, self._to)
+            decoded = self._instrument.due()
+            if decoded:
+                self._socket.sendto(decoded, self._to)
 
 
 def crc16(data: bytes) -> bytes:

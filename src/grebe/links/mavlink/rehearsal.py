@@ -22,7 +22,7 @@ from grebe.simulation.autopilot import STEP_S
 
 
 @dataclass(frozen=True, kw_only=True)
-class Air:
+class RadioFaults:
     """The faults of a line: the share of messages lost, the delay [s] in each direction, its spread
     [s], by which messages overtake each other, and a period of silence (from, until) [s].
     """
@@ -38,7 +38,7 @@ class Air:
             raise UsageError("The share of lost messages must be 0 to 1, and delays 0 or more.")
 
 
-CLEAR = Air()
+NO_RADIO_FAULTS = RadioFaults()
 
 
 class MemoryWire:
@@ -50,13 +50,13 @@ class MemoryWire:
     def __init__(
         self,
         standin: StandIn,
-        air: Air = CLEAR,
+        radio: RadioFaults = NO_RADIO_FAULTS,
         watch: Callable[[StandIn], None] = lambda _: None,
     ) -> None:
         self._standin = standin
-        self._air = air
+        self._radio = radio
         self._watch = watch
-        self._random = np.random.default_rng(air.seed)
+        self._random = np.random.default_rng(radio.seed)
         self._to_us: list[tuple[float, int, bytes]] = []
         self._to_boat: list[tuple[float, int, bytes]] = []
         self._count = 0
@@ -88,18 +88,18 @@ class MemoryWire:
             self._standin.receive(heard)
         self._standin.autopilot.advance(STEP_S)
         self._watch(self._standin)
-        for said in self._standin.speak():
+        for said in self._standin.due_messages():
             self._put(self._to_us, said)
 
     def close(self) -> None:
         """See `Wire`; `sail` can still advance the stand-in."""
 
     def _put(self, queue: list[tuple[float, int, bytes]], data: bytes) -> None:
-        air, now_s = self._air, self.now_s()
-        silent = air.silence[0] <= now_s < air.silence[1]
-        if silent or self._random.uniform() < air.lost_share:
+        radio, now_s = self._radio, self.now_s()
+        silent = radio.silence[0] <= now_s < radio.silence[1]
+        if silent or self._random.uniform() < radio.lost_share:
             return
-        late_s = air.delay_s + air.jitter_s * self._random.uniform()
+        late_s = radio.delay_s + radio.jitter_s * self._random.uniform()
         self._count += 1
         heapq.heappush(queue, (now_s + late_s, self._count, data))
 
@@ -117,10 +117,10 @@ def serve(standin: StandIn, wire: UdpWire, stopped: Callable[[], bool], speed: f
         wanted_s = sailed_s + speed * (time.monotonic() - began_s)
         while standin.autopilot.time_s < wanted_s:
             standin.autopilot.advance(STEP_S)
-            for said in standin.speak():
+            for said in standin.due_messages():
                 wire.send(said)
         heard = wire.receive(0.25 * STEP_S / speed)
         if heard:
             standin.receive(heard)
-            for said in standin.speak():
+            for said in standin.due_messages():
                 wire.send(said)

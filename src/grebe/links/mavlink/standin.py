@@ -87,7 +87,7 @@ class StandIn:
             if answer is not None:
                 answer(message)
 
-    def speak(self) -> list[bytes]:
+    def due_messages(self) -> list[bytes]:
         """Return the messages that are due by now, one per entry."""
         autopilot = self.autopilot
         if autopilot.started_s != self._started_s:
@@ -97,14 +97,14 @@ class StandIn:
             if period_s > 0 and autopilot.time_s >= self._next_s[number] - 1e-9:
                 late_s = autopilot.time_s - self._next_s[number]
                 self._next_s[number] += period_s * (1 + math.floor(late_s / period_s))
-                self._say(makers[number]())
+                self._send(makers[number]())
         for text in autopilot.texts[self._told :]:
-            self._say(mavlink.MAVLink_statustext_message(4, text.encode()[:50]))
+            self._send(mavlink.MAVLink_statustext_message(4, text.encode()[:50]))
         self._told = len(autopilot.texts)
         said, self._out = self._out, []
         return said
 
-    def _say(self, message: Any) -> None:
+    def _send(self, message: Any) -> None:
         self._out.append(message.pack(self._codec))
 
     @property
@@ -190,7 +190,7 @@ class StandIn:
     def _on_timesync(self, message: Any) -> None:
         if message.tc1 == 0:
             boot_ns = round(1e9 * self.autopilot.boot_s)
-            self._say(mavlink.MAVLink_timesync_message(boot_ns, message.ts1))
+            self._send(mavlink.MAVLink_timesync_message(boot_ns, message.ts1))
 
     def _on_command_long(self, message: Any) -> None:
         number = message.command
@@ -202,7 +202,7 @@ class StandIn:
         }
         handler = handlers.get(number)
         result = handler(message) if handler else mavlink.MAV_RESULT_UNSUPPORTED
-        self._say(mavlink.MAVLink_command_ack_message(number, result))
+        self._send(mavlink.MAVLink_command_ack_message(number, result))
 
     def _arm(self, message: Any) -> int:
         refusal = self.autopilot.arm(arms=message.param1 == 1)
@@ -228,15 +228,15 @@ class StandIn:
             if not self.autopilot.knows_position:
                 return mavlink.MAV_RESULT_FAILED
             lon, lat = (round(1e7 * one) for one in self._origin_lonlat)
-            self._say(mavlink.MAVLink_gps_global_origin_message(lat, lon, 0))
+            self._send(mavlink.MAVLink_gps_global_origin_message(lat, lon, 0))
         elif number == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
-            self._say(
+            self._send(
                 mavlink.MAVLink_autopilot_version_message(
                     0, 0x04_06_00_FF, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0
                 )
             )
         elif number in self._periods:
-            self._say(self._streams()[number]())
+            self._send(self._streams()[number]())
         else:
             return mavlink.MAV_RESULT_DENIED
         return mavlink.MAV_RESULT_ACCEPTED
@@ -268,19 +268,19 @@ class StandIn:
         if message.param_index >= 0 and message.param_index < len(names):
             name = names[message.param_index]
         if name in self.parameters:
-            self._say_parameter(name)
+            self._send_parameter(name)
 
     def _on_param_request_list(self, message: Any) -> None:  # noqa: ARG002
         for name in self.parameters:
-            self._say_parameter(name)
+            self._send_parameter(name)
 
     def _on_param_set(self, message: Any) -> None:
         if message.param_id in self.parameters:
             self.parameters[message.param_id] = message.param_value
-            self._say_parameter(message.param_id)
+            self._send_parameter(message.param_id)
 
-    def _say_parameter(self, name: str) -> None:
-        self._say(
+    def _send_parameter(self, name: str) -> None:
+        self._send(
             mavlink.MAVLink_param_value_message(
                 name.encode(), self.parameters[name], mavlink.MAV_PARAM_TYPE_REAL32,
                 len(self.parameters), list(self.parameters).index(name),
@@ -288,7 +288,7 @@ class StandIn:
         )  # fmt: skip
 
     def _on_mission_request_list(self, message: Any) -> None:
-        self._say(
+        self._send(
             mavlink.MAVLink_mission_count_message(
                 message.get_srcSystem(), message.get_srcComponent(), 0
             )

@@ -21,14 +21,14 @@ from grebe.links.base import IDLE, NOT_A_STATE, BoatStatus, Observation, Order
 from grebe.links.nmea.clock import StreamClock
 from grebe.links.nmea.navigation import Navigator
 from grebe.links.nmea.sentences import (
-    Bow,
-    Motion,
+    Heading,
     NoFix,
-    Place,
+    Position,
     Reading,
-    Said,
-    Turn,
+    Record,
+    TurnRate,
     Variation,
+    Velocity,
     read_sentence,
 )
 from grebe.links.nmea.settings import NmeaSettings, open_wire
@@ -166,7 +166,7 @@ class NmeaLink:
 
     def _blind(self, now_s: float) -> bool:
         time_s = self._clock.now(now_s) - self._settings.late_s
-        seen = (self._navigator.placed_s, self._navigator.headed_s)
+        seen = (self._navigator.position_s, self._navigator.heading_s)
         return any(time_s - seen_s > BLIND_S for seen_s in seen)
 
     def _tell(self) -> None:
@@ -190,46 +190,46 @@ class NmeaLink:
         for line in filter(None, map(bytes.strip, lines)):
             for one in self._read(line, now_s):
                 news = self._take(one, now_s)
-                placed |= news and isinstance(one, Place)
-                headed |= news and isinstance(one, Bow)
+                placed |= news and isinstance(one, Position)
+                headed |= news and isinstance(one, Heading)
         if self._blind(now_s):
             return math.nan
         if placed:
-            return self._navigator.placed_s
-        seen_s = self._navigator.headed_s
+            return self._navigator.position_s
+        seen_s = self._navigator.heading_s
         return seen_s if headed and seen_s - self._handed_s >= BETWEEN_S else math.nan
 
-    def _read(self, line: bytes, now_s: float) -> tuple[Said, ...]:
-        said = read_sentence(line)
-        if said is None:
+    def _read(self, line: bytes, now_s: float) -> tuple[Record, ...]:
+        records = read_sentence(line)
+        if records is None:
             self.damaged += 1
             return ()
         self.sentences += 1
         self._heard_s = now_s
-        return said
+        return records
 
-    def _take(self, said: Said, now_s: float) -> bool:
+    def _take(self, record: Record, now_s: float) -> bool:
         """Learn from a record; return whether it is a new position or heading."""
         navigator, clock = self._navigator, self._clock
-        match said:
-            case Place():
-                time_s = clock.at(said.second_of_day, now_s)
-                self._fix = said.fix or self._fix
-                return time_s is not None and navigator.place(time_s, said)
-            case Motion():
-                of_day = said.second_of_day
+        match record:
+            case Position():
+                time_s = clock.at(record.second_of_day, now_s)
+                self._fix = record.fix or self._fix
+                return time_s is not None and navigator.update_position(time_s, record)
+            case Velocity():
+                of_day = record.second_of_day
                 time_s = clock.now(now_s) if of_day is None else clock.at(of_day, now_s)
                 if time_s is not None:
-                    navigator.move(time_s, said)
-            case Bow():
-                return navigator.head(clock.now(now_s), said)
-            case Turn():
-                navigator.turn(clock.now(now_s), said)
+                    navigator.update_velocity(time_s, record)
+            case Heading():
+                return navigator.update_heading(clock.now(now_s), record)
+            case TurnRate():
+                navigator.update_turn_rate(clock.now(now_s), record)
             case Variation():
                 if self._settings.variation_deg is None:
-                    navigator.variation_rad = said.east_rad
+                    navigator.variation_rad = record.east_rad
             case Reading():
-                self._readings[said.key] = (said.value, now_s)
+                self._readings[record.key] = (record.value, now_s)
             case NoFix():
                 self._fix = "no fix"
         return False
@@ -240,7 +240,7 @@ class NmeaLink:
         if not self.sentences:
             damaged = f" ({self.damaged} damaged; check the line's speed)" if self.damaged else ""
             return f"No NMEA sentence came from {where} {waited}{damaged}."
-        if math.isnan(self._navigator.placed_s):
+        if math.isnan(self._navigator.position_s):
             return f"{where} speaks NMEA but gave no position {waited}: no GGA or RMC with a fix."
         return (
             f"{where} gave a position but no heading {waited}: no HDT, THS, HDG or HDM with a "

@@ -12,29 +12,30 @@ import math
 from grebe.core.events import State
 from grebe.core.frames import LocalFrame
 from grebe.core.vessel import Vessel
-from grebe.links.nmea.sentences import PLAIN_ERROR_M, Bow, Motion, Place, Turn
+from grebe.links.nmea.sentences import PLAIN_ERROR_M, Heading, Position, TurnRate, Velocity
 
 # Standard deviations of the velocity, heading and turn that receivers and compasses report
 # [m/s, rad, rad/s].
 VELOCITY_ERROR_MPS, HEADING_ERROR_RAD, TURN_ERROR_RADPS = 0.05, 0.015, 0.01
 # How long the boat's thrust keeps one direction, which sets the strength of the noise [s].
-PUSH_S = 0.2
+THRUST_S = 0.2
 # A magnetic heading is ignored while the last true one is younger than this [s].
 TRUE_FOR_S = 3.0
 
 
-class Track:
-    """One value and its rate; `push` is the largest second derivative that the boat can cause.
+class ValueFilter:
+    """One value and its rate; `acceleration` is the largest second derivative that the boat can
+    cause.
 
     Time never runs back: a late measurement counts as one at the newest time.
     """
 
-    def __init__(self, push: float) -> None:
-        self._density = push**2 * PUSH_S
+    def __init__(self, acceleration: float) -> None:
+        self._density = acceleration**2 * THRUST_S
         self.time_s = math.nan
         self.value = self.rate = 0.0
         self._pvv = self._pvr = 0.0
-        self._prr = (2 * push) ** 2
+        self._prr = (2 * acceleration) ** 2
 
     def measure_value(self, time_s: float, value: float, error: float) -> None:
         """Take a measurement of the value into account."""
@@ -87,58 +88,64 @@ class Navigator:
         self, frame: LocalFrame, vessel: Vessel, variation_rad: float | None = None
     ) -> None:
         self._frame = frame
-        push = 2 * vessel.thrust_max_n / vessel.m11_kg
+        acceleration = 2 * vessel.thrust_max_n / vessel.m11_kg
         turn = vessel.arm_m * (vessel.thrust_max_n - vessel.thrust_min_n) / vessel.m33_kgm2
-        self._north, self._east, self._bow = Track(push), Track(push), Track(turn)
+        self._north, self._east, self._heading = (
+            ValueFilter(acceleration),
+            ValueFilter(acceleration),
+            ValueFilter(turn),
+        )
         self.variation_rad = variation_rad
         # The times of the last position and the last usable heading [s].
-        self.placed_s = self.headed_s = math.nan
+        self.position_s = self.heading_s = math.nan
         self._true_s = -math.inf
         self._error_m = PLAIN_ERROR_M
 
-    def place(self, time_s: float, place: Place) -> bool:
+    def update_position(self, time_s: float, position: Position) -> bool:
         """Take a position into account; return whether it is newer than the last one. Without a
         stated error it has the last error that was stated.
         """
-        self._error_m = self._error_m if place.error_m is None else place.error_m
-        if time_s <= self.placed_s:
+        self._error_m = self._error_m if position.error_m is None else position.error_m
+        if time_s <= self.position_s:
             return False
-        north, east = self._frame.to_local(place.lonlat).tolist()
+        north, east = self._frame.to_local(position.lonlat).tolist()
         self._north.measure_value(time_s, north, self._error_m)
         self._east.measure_value(time_s, east, self._error_m)
-        self.placed_s = time_s
+        self.position_s = time_s
         return True
 
-    def move(self, time_s: float, motion: Motion) -> None:
+    def update_velocity(self, time_s: float, velocity: Velocity) -> None:
         """Take a velocity over ground into account."""
-        for track, rate in zip((self._north, self._east), motion.velocity, strict=True):
+        for track, rate in zip((self._north, self._east), velocity.velocity, strict=True):
             track.measure_rate(time_s, rate, VELOCITY_ERROR_MPS)
 
-    def head(self, time_s: float, bow: Bow) -> bool:
+    def update_heading(self, time_s: float, measured: Heading) -> bool:
         """Take a heading into account; return whether it could be used. A magnetic one is used only
         if the variation is known and there is no recent true one.
         """
-        heading = bow.heading_rad
-        if bow.true:
+        heading = measured.heading_rad
+        if measured.true:
             self._true_s = time_s
         elif self.variation_rad is None or time_s - self._true_s < TRUE_FOR_S:
             return False
         else:
             heading += self.variation_rad
-        believed = heading if math.isnan(self.headed_s) else self._bow.at(time_s)
-        near = believed + math.remainder(heading - believed, 2 * math.pi)
-        self._bow.measure_value(time_s, near, HEADING_ERROR_RAD)
-        self.headed_s = time_s
+        predicted = heading if math.isnan(self.heading_s) else self._heading.at(time_s)
+        near = predicted + math.remainder(heading - predicted, 2 * math.pi)
+        self._heading.measure_value(time_s, near, HEADING_ERROR_RAD)
+        self.heading_s = time_s
         return True
 
-    def turn(self, time_s: float, turn: Turn) -> None:
+    def update_turn_rate(self, time_s: float, turn_rate: TurnRate) -> None:
         """Take a yaw rate into account."""
-        self._bow.measure_rate(time_s, turn.rate_radps, TURN_ERROR_RADPS)
+        self._heading.measure_rate(time_s, turn_rate.rate_radps, TURN_ERROR_RADPS)
 
     def state(self, time_s: float) -> State:
         """Return the state at a time near the last sentences; not numbers before there are any."""
-        north, east, heading = (track.at(time_s) for track in (self._north, self._east, self._bow))
+        north, east, heading = (
+            track.at(time_s) for track in (self._north, self._east, self._heading)
+        )
         forth, across = self._north.rate, self._east.rate
         cos, sin = math.cos(heading), math.sin(heading)
         surge, sway = cos * forth + sin * across, cos * across - sin * forth
-        return north, east, heading, surge, sway, self._bow.rate
+        return north, east, heading, surge, sway, self._heading.rate

@@ -27,7 +27,7 @@ ANSWER_S = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Voice:
+class OutputSettings:
     """How a pretend boat speaks.
 
     It sends a compass's sentence (HDT, THS, or HDM with `variation_deg`) every `period_s`, and a
@@ -66,7 +66,7 @@ class Voice:
             raise UsageError(f"A simulated compass sends HDT, THS or HDM, not {self.compass}.")
 
 
-PLAIN = Voice()
+PLAIN = OutputSettings()
 
 
 class PretendBoat:
@@ -77,13 +77,13 @@ class PretendBoat:
         plant: Plant,
         frame: LocalFrame,
         sonde: ReadsWater | None = None,
-        voice: Voice = PLAIN,
+        output: OutputSettings = PLAIN,
     ) -> None:
         self.plant = plant
-        self.voice = voice
+        self.output = output
         self.lines = 0
         self._frame, self._sonde = frame, sonde
-        self._random = np.random.default_rng(voice.seed)
+        self._random = np.random.default_rng(output.seed)
         self._heard_s = 0.0
         self._spoken = 0
 
@@ -95,7 +95,7 @@ class PretendBoat:
                 self.plant.command((0.0, 0.0))
             self.plant.advance(duration_s / steps)
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Take lines of thrust; the last intact one holds."""
         for line in data.splitlines():
             said = read_thrust_line(line)
@@ -105,43 +105,43 @@ class PretendBoat:
                 self._heard_s = self.plant.time_s
                 self.lines += 1
 
-    def speak(self) -> bytes:
+    def due(self) -> bytes:
         """Return the present sentences; none while the boat is silent."""
-        voice, now_s = self.voice, self.plant.time_s
-        if voice.silent[0] <= now_s < voice.silent[1]:
+        output, now_s = self.output, self.plant.time_s
+        if output.silent[0] <= now_s < output.silent[1]:
             return b""
-        placed = self._spoken % voice.place_every == 0
+        placed = self._spoken % output.place_every == 0
         self._spoken += 1
         bodies = [*(self._receiver() if placed else []), *self._compass(), *self._probe()]
         return b"".join(self._sent(body) for body in bodies)
 
     def _receiver(self) -> list[str]:
-        voice, now_s = self.voice, self.plant.time_s
-        clock = _clock_text((voice.from_second_of_day + now_s) % DAY_S)
-        if voice.no_fix[0] <= now_s < voice.no_fix[1]:
+        output, now_s = self.output, self.plant.time_s
+        clock = _clock_text((output.from_second_of_day + now_s) % DAY_S)
+        if output.no_fix[0] <= now_s < output.no_fix[1]:
             return [
-                f"{voice.talker}GGA,{clock},,,,,0,00,99.9,,M,,M,,",
-                f"{voice.talker}RMC,{clock},V,,,,,,,010526,,,N",
+                f"{output.talker}GGA,{clock},,,,,0,00,99.9,,M,,M,,",
+                f"{output.talker}RMC,{clock},V,,,,,,,010526,,,N",
             ]
         north, east, heading, surge, sway, _ = self.plant.state
-        error = self._random.normal(0.0, 1.0, 2) * voice.position_error_m
+        error = self._random.normal(0.0, 1.0, 2) * output.position_error_m
         lon, lat = self._frame.to_wgs84((north + error[0], east + error[1])).tolist()
         place = f"{_angle_text(lat, 2, 'NS')},{_angle_text(lon, 3, 'EW')}"
         speed = math.hypot(surge, sway) / KNOT_MPS
         course = math.degrees(heading + math.atan2(sway, surge)) % 360
-        side = "E" if voice.variation_deg >= 0 else "W"
-        variation = f"{abs(voice.variation_deg):.2f},{side}"
+        side = "E" if output.variation_deg >= 0 else "W"
+        variation = f"{abs(output.variation_deg):.2f},{side}"
         motion = f"{speed:.4f},{course:.4f},010526,{variation},A"
         return [
-            f"{voice.talker}GGA,{clock},{place},8,12,0.6,0.0,M,0.0,M,,",
-            f"{voice.talker}RMC,{clock},A,{place},{motion}",
+            f"{output.talker}GGA,{clock},{place},8,12,0.6,0.0,M,0.0,M,,",
+            f"{output.talker}RMC,{clock},A,{place},{motion}",
         ]
 
     def _compass(self) -> list[str]:
-        compass, heading = self.voice.compass, math.degrees(self.plant.state[2])
+        compass, heading = self.output.compass, math.degrees(self.plant.state[2])
         turn = f"HEROT,{math.degrees(self.plant.state[5]) * 60:.4f},A"
         if compass == "HDM":
-            return [f"HCHDM,{(heading - self.voice.variation_deg) % 360:.4f},M", turn]
+            return [f"HCHDM,{(heading - self.output.variation_deg) % 360:.4f},M", turn]
         return [f"HE{compass},{heading % 360:.4f},{'A' if compass == 'THS' else 'T'}", turn]
 
     def _probe(self) -> list[str]:
@@ -157,7 +157,7 @@ class PretendBoat:
         for byte in body.encode():
             total ^= byte
         line = bytearray(f"${body}*{total:02X}\r\n".encode())
-        if self._random.uniform() < self.voice.damaged_share:
+        if self._random.uniform() < self.output.damaged_share:
             line[int(self._random.integers(1, len(line) - 5))] ^= 0x03
         return bytes(line)
 
@@ -175,7 +175,7 @@ class PretendWire:
 
     def send(self, data: bytes) -> None:
         """See `Wire`."""
-        self._boat.hear(data)
+        self._boat.receive(data)
 
     def receive(self, timeout_s: float) -> bytes:
         """See `Wire`; the boat sails to its next sentences, or until the time is up."""
@@ -185,8 +185,8 @@ class PretendWire:
             self._boat.advance(until_s - self.now_s())
         if self._next_s > end_s + 1e-9:
             return b""
-        self._next_s += self._boat.voice.period_s
-        return self._boat.speak()
+        self._next_s += self._boat.output.period_s
+        return self._boat.due()
 
     def close(self) -> None:
         """See `Wire`; the boat can still be advanced."""
@@ -194,8 +194,8 @@ class PretendWire:
 
 def serve(
     boat: PretendBoat,
-    says: UdpWire,
-    hears: UdpWire,
+    output_wire: UdpWire,
+    input_wire: UdpWire,
     stopped: Callable[[], bool],
     speed: float | None = 1.0,
 ) -> None:
@@ -204,17 +204,17 @@ def serve(
     """
     began_s, sailed_s = time.monotonic(), boat.plant.time_s
     while not stopped():
-        says.send(boat.speak())
+        output_wire.send(boat.due())
         if speed is None:
-            heard = hears.receive(ANSWER_S)
-            while heard:
-                boat.hear(heard)
-                heard = hears.receive(0.0)
+            received = input_wire.receive(ANSWER_S)
+            while received:
+                boat.receive(received)
+                received = input_wire.receive(0.0)
         else:
-            due_s = began_s + (boat.plant.time_s + boat.voice.period_s - sailed_s) / speed
+            due_s = began_s + (boat.plant.time_s + boat.output.period_s - sailed_s) / speed
             while (left_s := due_s - time.monotonic()) > 0:
-                boat.hear(hears.receive(left_s))
-        boat.advance(boat.voice.period_s)
+                boat.receive(input_wire.receive(left_s))
+        boat.advance(boat.output.period_s)
 
 
 def _clock_text(second_of_day: float) -> str:

@@ -33,7 +33,7 @@ LONGEST = 120
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class Position:
     """A position: time of day [s], longitude and latitude [deg], the kind of fix in words, and the
     error [m]; RMC gives neither fix nor error.
     """
@@ -50,7 +50,7 @@ class NoFix:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class Velocity:
     """Velocity over ground, north and east [m/s], and the time of day [s] if it is given."""
 
     velocity: tuple[float, float]
@@ -58,7 +58,7 @@ class Motion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bow:
+class Heading:
     """The heading of the bow [rad], from true north or, unless `true`, from magnetic north."""
 
     heading_rad: float
@@ -73,7 +73,7 @@ class Variation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Turn:
+class TurnRate:
     """Yaw rate [rad/s], positive to starboard."""
 
     rate_radps: float
@@ -87,10 +87,10 @@ class Reading:
     value: float
 
 
-Said = Place | NoFix | Motion | Bow | Variation | Turn | Reading
+Record = Position | NoFix | Velocity | Heading | Variation | TurnRate | Reading
 
 
-def read_sentence(line: bytes) -> tuple[Said, ...] | None:
+def read_sentence(line: bytes) -> tuple[Record, ...] | None:
     """Return the records of a sentence, in its order, empty if it is not used. Return None if it is
     damaged: not ASCII, too long, its sum missing or wrong, or a number that cannot be read.
     """
@@ -109,11 +109,11 @@ def read_sentence(line: bytes) -> tuple[Said, ...] | None:
     if reader is None or sentence.talker not in TALKERS:
         return ()
     try:
-        said = reader(sentence)
+        record = reader(sentence)
     except (ValueError, TypeError, AttributeError, IndexError, OverflowError):
         # A field is empty or not a number: pynmea2 then returns its text.
         return None
-    return said if _finite(said) else None
+    return record if _finite(record) else None
 
 
 @cache
@@ -125,79 +125,79 @@ def _know_ths() -> None:
     type("THS", (pynmea2.TalkerSentence,), {"fields": fields})
 
 
-def _gga(sentence: Any) -> tuple[Said, ...]:
+def _gga(sentence: Any) -> tuple[Record, ...]:
     quality = QUALITIES.get(int(sentence.gps_qual or 0))
     if quality is None or not sentence.lat:
         return (NoFix(),)
     return (_place(sentence, *quality),)
 
 
-def _rmc(sentence: Any) -> tuple[Said, ...]:
+def _rmc(sentence: Any) -> tuple[Record, ...]:
     if sentence.status != "A" or not sentence.lat:
         return (NoFix(),)
     place = _place(sentence)
-    said: list[Said] = [place]
+    record: list[Record] = [place]
     speed = float(sentence.spd_over_grnd or 0.0) * KNOT_MPS
     velocity = _velocity(speed, sentence.true_course)
     if velocity is not None:
-        said.append(Motion(velocity=velocity, second_of_day=place.second_of_day))
+        record.append(Velocity(velocity=velocity, second_of_day=place.second_of_day))
     if sentence.mag_variation:
-        said.append(Variation(east_rad=_signed(sentence.mag_variation, sentence.mag_var_dir)))
-    return tuple(said)
+        record.append(Variation(east_rad=_signed(sentence.mag_variation, sentence.mag_var_dir)))
+    return tuple(record)
 
 
-def _vtg(sentence: Any) -> tuple[Said, ...]:
+def _vtg(sentence: Any) -> tuple[Record, ...]:
     speed = float(sentence.spd_over_grnd_kts) * KNOT_MPS
     velocity = _velocity(speed, sentence.true_track)
-    return () if velocity is None else (Motion(velocity=velocity),)
+    return () if velocity is None else (Velocity(velocity=velocity),)
 
 
-def _ths(sentence: Any) -> tuple[Said, ...]:
+def _ths(sentence: Any) -> tuple[Record, ...]:
     """Read THS, but ignore estimated, typed-in, simulated and void headings (E, M, S, V)."""
     if sentence.mode != "A":
         return ()
-    return (Bow(heading_rad=math.radians(float(sentence.heading)), true=True),)
+    return (Heading(heading_rad=math.radians(float(sentence.heading)), true=True),)
 
 
-def _hdg(sentence: Any) -> tuple[Said, ...]:
+def _hdg(sentence: Any) -> tuple[Record, ...]:
     heading = math.radians(float(sentence.heading))
     if sentence.deviation:
         heading += _signed(sentence.deviation, sentence.dev_dir)
-    bow = Bow(heading_rad=heading, true=False)
+    magnetic = Heading(heading_rad=heading, true=False)
     if not sentence.variation:
-        return (bow,)
-    return Variation(east_rad=_signed(sentence.variation, sentence.var_dir)), bow
+        return (magnetic,)
+    return Variation(east_rad=_signed(sentence.variation, sentence.var_dir)), magnetic
 
 
-def _heading(sentence: Any) -> tuple[Said, ...]:
+def _heading(sentence: Any) -> tuple[Record, ...]:
     true = sentence.sentence_type == "HDT"
-    return (Bow(heading_rad=math.radians(float(sentence.heading)), true=true),)
+    return (Heading(heading_rad=math.radians(float(sentence.heading)), true=true),)
 
 
-def _rot(sentence: Any) -> tuple[Said, ...]:
+def _rot(sentence: Any) -> tuple[Record, ...]:
     """Read ROT, which is in degrees per minute, positive to starboard."""
     if sentence.status != "A":
         return ()
-    return (Turn(rate_radps=math.radians(float(sentence.rate_of_turn)) / 60),)
+    return (TurnRate(rate_radps=math.radians(float(sentence.rate_of_turn)) / 60),)
 
 
-def _mtw(sentence: Any) -> tuple[Said, ...]:
+def _mtw(sentence: Any) -> tuple[Record, ...]:
     return (Reading(key="temperature_degc", value=float(sentence.temperature)),)
 
 
-def _dpt(sentence: Any) -> tuple[Said, ...]:
+def _dpt(sentence: Any) -> tuple[Record, ...]:
     """Read DPT, the depth below the transducer; a positive offset is the transducer's depth."""
     below, offset = float(sentence.depth), float(sentence.offset or 0.0)
     return (Reading(key="water_depth_m", value=below + max(offset, 0.0)),)
 
 
-def _place(sentence: Any, fix: str = "", error_m: float | None = None) -> Place:
+def _place(sentence: Any, fix: str = "", error_m: float | None = None) -> Position:
     when = sentence.timestamp
     lon, lat = float(sentence.longitude), float(sentence.latitude)
     if abs(lat) > 90 or abs(lon) > 180:
         raise ValueError
     seconds = 3600 * when.hour + 60 * when.minute + when.second + 1e-6 * when.microsecond
-    return Place(second_of_day=seconds, lonlat=(lon, lat), fix=fix, error_m=error_m)
+    return Position(second_of_day=seconds, lonlat=(lon, lat), fix=fix, error_m=error_m)
 
 
 def _velocity(speed_mps: float, course_deg: Any) -> tuple[float, float] | None:
@@ -217,10 +217,10 @@ def _signed(degrees: Any, side: Any) -> float:
     return math.radians(float(degrees)) * (1 if side == "E" else -1)
 
 
-def _finite(said: tuple[Said, ...]) -> bool:
+def _finite(record: tuple[Record, ...]) -> bool:
     numbers = (
         number
-        for one in said
+        for one in record
         for value in vars(one).values()
         for number in (value if isinstance(value, tuple) else (value,))
         if isinstance(number, float)

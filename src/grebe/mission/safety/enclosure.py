@@ -35,11 +35,11 @@ class Enclosure:
         self._within += zones
         self._leave(place)
 
-    def holds(self, place: Place) -> bool:
+    def contains(self, place: Place) -> bool:
         """Whether a boat's place is inside. Closed areas that the boat has left are fenced off."""
         if self._within:
             self._leave(place)
-        inside = self.fence is None or self.fence.holds(place)
+        inside = self.fence is None or self.fence.contains(place)
         self.fenced = self.fenced or inside
         return inside
 

@@ -68,13 +68,13 @@ Schedule = Callable[[float], tuple[float, float]]
 @dataclass(frozen=True, kw_only=True)
 class Escape:
     """How a boat stops inside its fence: with `thrusts` [N], one pair per step of `STEP_S`, and
-    then with `StationKeeper.keep` to a `refuge`, which is None if the fence is far. `way` (n, 2) is
-    the predicted path [m].
+    then with `StationKeeper.keep` to a `refuge`, which is None if the fence is far. `path` (n, 2)
+    is the predicted path [m].
     """
 
     thrusts: tuple[tuple[float, float], ...]
     refuge: Place | None
-    way: np.ndarray
+    path: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,25 +100,25 @@ class Fence:
         inner = [self.water.buffer(-margin) for margin in REFUGES_M]
         return [one for one in inner if not one.is_empty]
 
-    def holds(self, place: Place) -> bool:
+    def contains(self, place: Place) -> bool:
         """Whether a place is inside."""
         return bool(shapely.intersects_xy(self._allowed, *place))
 
-    def holds_way(self, places: np.ndarray, strays_m: np.ndarray | None = None) -> bool:
-        """Whether a path (n, 2) stays inside, even if the boat strays from it by `strays_m` (n,) in
-        any direction.
+    def contains_path(self, places: np.ndarray, deviation_m: np.ndarray | None = None) -> bool:
+        """Whether a path (n, 2) stays inside, even if the boat strays from it by `deviation_m` (n,)
+        in any direction.
         """
         if not shapely.covers(self._allowed, shapely.linestrings(places)):
             return False
-        if strays_m is None or not strays_m.any():
+        if deviation_m is None or not deviation_m.any():
             return True
         away = shapely.distance(self._line, shapely.points(places))
-        return bool((away >= strays_m).all())
+        return bool((away >= deviation_m).all())
 
     def is_far(self, place: Place, distance_m: float) -> bool:
         """Whether a place is inside the fence and farther from it than `distance_m`."""
         point = shapely.Point(place)
-        return self.holds(place) and not shapely.dwithin(self._line, point, distance_m)
+        return self.contains(place) and not shapely.dwithin(self._line, point, distance_m)
 
     def without(self, taken: BaseGeometry, place: Place, reach_m: float) -> Fence:
         """Return the fence within `reach_m` of a place, without the water `taken`; the complete
@@ -143,7 +143,7 @@ class Fence:
             ends = shapely.get_coordinates(shapely.shortest_line(point, inner))
             north, east = ends[1].tolist()
             nearest = (north, east)
-            if nearest == place or self.holds_way(ends):
+            if nearest == place or self.contains_path(ends):
                 return nearest
         return nearest
 
@@ -171,35 +171,35 @@ def escape(
 
     `ahead` are its planned thrusts. It may brake after the reaction time or, in the middle of a
     turn along the shore, after it has followed its plan a little longer. It may stray from the
-    predicted path by a share `doubt` of the path's length (`_strays`). With `foresees` the path is
-    predicted even if the fence is far.
+    predicted path by a share `doubt` of the path's length (`_deviation_m`). With `foresees` the
+    path is predicted even if the fence is far.
     """
     place = (state[0], state[1])
     reaction = math.ceil((reaction_s + keeper.vessel.thruster_lag_s) / STEP_S - 1e-9)
     enough_m = _surely_enough_m(keeper, state, weather, reaction * STEP_S)
     if not foresees and fence.is_far(place, enough_m):
-        return Escape(thrusts=(), refuge=None, way=np.array([place]))
+        return Escape(thrusts=(), refuge=None, path=np.array([place]))
     refuge = fence.refuge(place)
     for steps in (reaction, *(reaction + round(s / STEP_S) for s in PLANS_S)):
         thrusts = tuple(ahead(STEP_S * min(k, steps)) for k in range(steps))
-        way = foreseen(fence, keeper, state, thrusts, weather, refuge)
-        if _ends_under_way(way, len(thrusts), keeper, weather, refuge):
+        path = predicted_stop(fence, keeper, state, thrusts, weather, refuge)
+        if _ends_moving(path, len(thrusts), keeper, weather, refuge):
             continue
-        if fence.holds_way(way[:, :2], _strays(way, keeper.vessel, weather, doubt)):
-            return Escape(thrusts=thrusts, refuge=refuge, way=way[:, :2])
+        if fence.contains_path(path[:, :2], _deviation_m(path, keeper.vessel, weather, doubt)):
+            return Escape(thrusts=thrusts, refuge=refuge, path=path[:, :2])
     return None
 
 
-def _strays(way: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> np.ndarray:
+def _deviation_m(path: np.ndarray, vessel: Vessel, weather: Weather, doubt: float) -> np.ndarray:
     """Return how far (n,) a boat may stray [m] from its predicted path: by a share `doubt` of the
     distance covered, and in a strong drift by a share of that.
     """
-    strays = np.zeros(len(way))
+    deviation_m = np.zeros(len(path))
     if doubt > 0:
-        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T))])
-        strays += np.minimum(doubt * gone, MOST_DOUBT_M)
-    seconds = STEP_S * np.arange(len(way))
-    return strays + np.minimum(_unsure_mps(vessel, weather) * seconds, MOST_UNSURE_M)
+        gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path[:, :2], axis=0).T))])
+        deviation_m += np.minimum(doubt * gone, MOST_DOUBT_M)
+    seconds = STEP_S * np.arange(len(path))
+    return deviation_m + np.minimum(_unsure_mps(vessel, weather) * seconds, MOST_UNSURE_M)
 
 
 def _unsure_mps(vessel: Vessel, weather: Weather) -> float:
@@ -210,7 +210,7 @@ def _unsure_mps(vessel: Vessel, weather: Weather) -> float:
     return DRIFT_DOUBT * max(strong, 0.0)
 
 
-def foreseen(
+def predicted_stop(
     fence: Fence,
     keeper: StationKeeper,
     state: State,
@@ -254,15 +254,15 @@ def stopping_s(keeper: StationKeeper, speed: float) -> float:
     return boat.m11_kg * speed / slowing
 
 
-def _ends_under_way(
-    way: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
+def _ends_moving(
+    path: np.ndarray, given: int, keeper: StationKeeper, weather: Weather, refuge: Place
 ) -> bool:
     """Whether a boat that takes long to stop still moves away from its refuge at the end of the
     prediction.
     """
-    if len(way) <= given + round(LONGEST_S / STEP_S) + 1:
+    if len(path) <= given + round(LONGEST_S / STEP_S) + 1:
         return False
-    north, east, heading, surge, sway, _ = way[-1].tolist()
+    north, east, heading, surge, sway, _ = path[-1].tolist()
     if math.hypot(surge, sway) <= 2 * STOPPED_MPS + drift_mps(keeper.vessel, weather):
         return False
     over_north = surge * math.cos(heading) - sway * math.sin(heading)
@@ -270,7 +270,7 @@ def _ends_under_way(
     return over_north * (refuge[0] - north) + over_east * (refuge[1] - east) <= 0
 
 
-def reckoned(
+def dead_reckoned(
     vessel: Vessel, state: State, thrusts: tuple[float, float], weather: Weather, seconds: float
 ) -> State:
     """Return the state by Eq. (9) after `seconds` of constant thrusts."""

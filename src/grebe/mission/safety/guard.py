@@ -23,34 +23,33 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.links.base import BoatStatus, Observation
 from grebe.mission.helm import Helm
+from grebe.mission.safety.dead_reckoning import DeadReckoning
 from grebe.mission.safety.enclosure import Enclosure
-from grebe.mission.safety.fence import Schedule, fence_of, reckoned
+from grebe.mission.safety.fence import Schedule, fence_of
 from grebe.mission.safety.lookout import LEAST_WAIT_S, WISHED_SETS, Lookout
 from grebe.mission.safety.machine import (
-    advised,
+    after_waiting,
     at_the_fence,
-    blinded,
-    gone_on,
+    going_on,
     in_traffic,
+    next_memory,
     shut_in,
-    stood_in_the_way,
-    without_way_home,
+    without_estimates,
+    without_route_home,
 )
 from grebe.mission.safety.memory import WAITS, Asked, Memory, Request
+from grebe.mission.safety.route_home import Pilot, RouteHome, UnderWay, default_pilot
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Place, SafetyState
 from grebe.mission.safety.stopping import Stopping
-from grebe.mission.safety.way_home import Pilot, UnderWay, WayHome, default_pilot
 
-# A blind boat is braked until dead reckoning gives a surge below this [m/s].
-LEAST_WAY_MPS = 0.05
 # The status of a boat that has not reported any.
-NOTHING_SAID = BoatStatus(mode="", armed=False)
+NO_STATUS = BoatStatus(mode="", armed=False)
 # The share of full reverse thrust used to free a boat.
 ASTERN_SHARE = 0.8
 
 
-class Tells(Protocol):
+class SafetyListener(Protocol):
     """Receives changes of state: the time, the two states, the cause's code, and a sentence."""
 
     def __call__(self, time_s: float, *, before: str, after: str, code: str, message: str) -> None:
@@ -59,7 +58,8 @@ class Tells(Protocol):
 
 
 class Guard:
-    """Guards one mission; `tell` receives every change of state; `lookout` is for boats in a fleet.
+    """Guards one mission; `report` receives every change of state; `lookout` is for boats in a
+    fleet.
 
     `by_motion`: an autopilot holds the boat's motion, and how it does so is not known exactly.
     `waits`: the boat's time is not the clock's, so nothing is computed in the background.
@@ -70,7 +70,7 @@ class Guard:
         survey: Survey,
         vessel: Vessel,
         settings: SafetySettings,
-        tell: Tells,
+        report: SafetyListener,
         started: datetime,
         pilot: Pilot | None = None,
         lookout: Lookout | None = None,
@@ -80,9 +80,9 @@ class Guard:
         self._lookout, self._waits = lookout, waits
         self._survey, self._vessel, self._settings = survey, vessel, settings
         self._stopping = Stopping(vessel, settings, lookout, by_motion=by_motion)
-        self._tell = tell
+        self._report_change = report
         # Faults are detected against the original model, not against one corrected for the faults.
-        self._as_said = vessel
+        self._model = vessel
         # The time by which the boat must be home because of daylight, on the link's clock.
         until = settings.until
         self._dark_s = math.inf if until is None else (until - started).total_seconds()
@@ -92,9 +92,9 @@ class Guard:
         if settings.comes_home:
             self.ask(Request.HOME, settings.comes_home)
         self._enclosure = Enclosure()
-        self._home = WayHome(survey, settings)
-        self._next_home: WayHome | None = None
-        self._reckoned: tuple[float, State] | None = None
+        self._home = RouteHome(survey, settings)
+        self._next_home: RouteHome | None = None
+        self._blind = DeadReckoning()
         self._began_s: float | None = None
         self._before_s = 0.0
         self._used_wh = settings.used_wh or 0.0
@@ -116,7 +116,7 @@ class Guard:
         self._survey = replace(self._survey, no_go=(*self._survey.no_go, *zones))
         if self._settings.fence and self._began_s is not None:
             self._enclosure.close(zones, place)
-        self._next_home = WayHome(self._survey, self._settings)
+        self._next_home = RouteHome(self._survey, self._settings)
         measuring = threading.Thread(target=self._next_home.measure, daemon=True)
         measuring.start()
         if self._waits:
@@ -124,7 +124,7 @@ class Guard:
         self._take_next_home(observation)
         if self.state is SafetyState.HOLDING:
             held = fence_of(self._survey.water, self._survey.no_go, place)
-            if not held.holds(self._memory.place):
+            if not held.contains(self._memory.place):
                 self._memory = replace(self._memory, place=held.refuge(self._memory.place))
 
     def _take_next_home(self, observation: Observation) -> None:
@@ -171,16 +171,16 @@ class Guard:
     @property
     def helm(self) -> Helm | None:
         """The helm of the route home; None unless the boat is returning."""
-        way = self._way
-        return None if way is None else way.helm
+        route = self._route
+        return None if route is None else route.helm
 
-    def look(
+    def assess(
         self,
         observation: Observation,
         weather: Weather,
         thrusts: Thrusts,
         reached: int,
-        status: BoatStatus = NOTHING_SAID,
+        status: BoatStatus = NO_STATUS,
         ahead: Schedule | None = None,
     ) -> None:
         """Judge an estimate. `thrusts` led to it; `ahead` are the planned thrusts, by default the
@@ -188,7 +188,7 @@ class Guard:
         """
         if self._began_s is None:
             self._begin(observation)
-        self._reckoned = None
+        self._blind.end()
         self._take_next_home(observation)
         self._spend(observation, thrusts)
         if self.state is SafetyState.RETURNING:
@@ -197,9 +197,9 @@ class Guard:
         # Requests are removed one by one, because another thread may add one meanwhile.
         asked = tuple(self._asked.popleft() for _ in range(len(self._asked)))
         self.depth_m = None
-        after = advised(self._memory, facts, self._settings, self._as_said, asked)
-        self._become(after, observation)
-        self._look_out(observation, facts)
+        after = next_memory(self._memory, facts, self._settings, self._model, asked)
+        self._enter(after, observation)
+        self._act_in_traffic(observation, facts)
         own = self.own_thrusts(observation, weather)
         if own is not None or ahead is None:
             held = own or thrusts
@@ -216,19 +216,19 @@ class Guard:
         fence = self._enclosure.fence
         if fence is None or not self._enclosure.fenced or not drives:
             return True
-        if self._stopping.is_sure(fence, observation, ahead, weather):
+        if self._stopping.can_stop(fence, observation, ahead, weather):
             return True
-        facts = self._facts(observation, weather, ahead(0.0), reached, NOTHING_SAID)
-        if self._lookout and self._stopping.way_out(fence, observation, ahead, weather):
+        facts = self._facts(observation, weather, ahead(0.0), reached, NO_STATUS)
+        if self._lookout and self._stopping.escape_plan(fence, observation, ahead, weather):
             self._lookout.refused()
             waits = self._lookout.place_to_wait(fence, facts.place)
-            self._become(in_traffic(self._memory, facts, waits), observation)
+            self._enter(in_traffic(self._memory, facts, waits), observation)
             return False
         refuge = self._stopping.refuge(observation.time_s) or fence.refuge(facts.place)
-        self._become(at_the_fence(self._memory, facts, self._settings, refuge), observation)
+        self._enter(at_the_fence(self._memory, facts, self._settings, refuge), observation)
         return False
 
-    def _look_out(self, observation: Observation, facts: Facts) -> None:
+    def _act_in_traffic(self, observation: Observation, facts: Facts) -> None:
         """Announce where the boat wishes to go; if it waits for others, make room or go on."""
         lookout, fence = self._lookout, self._enclosure.fence
         if lookout is None or fence is None:
@@ -240,10 +240,10 @@ class Guard:
             lookout.goes(facts.place, facts.time_s)
             return
         if self._memory.cause is Cause.TRAFFIC:
-            after = self._in_others_way(lookout, facts, ahead)
+            after = self._after_waiting(lookout, facts, ahead)
             if after is not None:
                 lookout.goes(facts.place, facts.time_s)
-                self._become(after, observation)
+                self._enter(after, observation)
                 return
         if self._memory.cause in (Cause.TRAFFIC, *WAITS):
             place = lookout.place_to_wait(fence, facts.place)
@@ -253,16 +253,16 @@ class Guard:
                 return
         lookout.claim(np.array([facts.place, self._memory.place]))
 
-    def _in_others_way(self, lookout: Lookout, facts: Facts, ahead: Place | None) -> Memory | None:
+    def _after_waiting(self, lookout: Lookout, facts: Facts, ahead: Place | None) -> Memory | None:
         """Return the memory of a boat that has waited for others; None if it waits on."""
         memory, waited_s = self._memory, facts.time_s - self._memory.since_s
         if waited_s <= LEAST_WAIT_S:
             return None
         if ahead is None or lookout.is_clear(facts.place, ahead):
-            return gone_on(memory, facts)
+            return going_on(memory, facts)
         may_go = memory.resumes is not SafetyState.RETURNING and lookout.harbour is not None
         home_m = self._home.length_m(facts.place) if may_go else math.inf
-        return stood_in_the_way(
+        return after_waiting(
             memory, facts, lookout.waits(facts.place, ahead, facts.time_s, waited_s, home_m)
         )
 
@@ -271,8 +271,10 @@ class Guard:
         holds its position; none if no set is left.
         """
         going = self._memory.resumes if self.state is SafetyState.HOLDING else self.state
-        way = self._home.under_way if going is SafetyState.RETURNING else None
-        sets, done = (way.survey.sets, way.helm.reached) if way else (self._survey.sets, reached)
+        route = self._home.under_way if going is SafetyState.RETURNING else None
+        sets, done = (
+            (route.survey.sets, route.helm.reached) if route else (self._survey.sets, reached)
+        )
         centres = (one.centre for one in sets[done : done + WISHED_SETS])
         return [(float(north), float(east)) for north, east in centres]
 
@@ -292,24 +294,19 @@ class Guard:
         return None
 
     @property
-    def reckoned(self) -> State | None:
+    def dead_reckoned(self) -> State | None:
         """The state of a blind boat by dead reckoning; None if the boat is not blind."""
-        return self._reckoned and self._reckoned[1]
+        return self._blind.state
 
-    def blind(
+    def steer_blind(
         self, seen: Observation, now: Observation, thrusts: Thrusts, weather: Weather
     ) -> Thrusts:
         """Return the thrusts that brake a blind boat, and none once it must have stopped. The boat
         was last `seen` then, and has had `thrusts` since the last call.
         """
         seconds = now.time_s - seen.time_s
-        self._say(blinded(self._memory, now.time_s, seconds, self._settings))
-        since, state = self._reckoned or (seen.time_s, seen.state)
-        state = reckoned(self._vessel, state, thrusts, weather, now.time_s - since)
-        self._reckoned = (now.time_s, state)
-        if state[3] < LEAST_WAY_MPS:
-            return 0.0, 0.0
-        return self._stopping.keeper.brake(state, weather)
+        self._report(without_estimates(self._memory, now.time_s, seconds, self._settings))
+        return self._blind.brake(seen, now, thrusts, weather, self._stopping.keeper)
 
     def _begin(self, observation: Observation) -> None:
         self._began_s = self._before_s = observation.time_s
@@ -331,9 +328,9 @@ class Guard:
         status: BoatStatus,
     ) -> Facts:
         place = (observation.state[0], observation.state[1])
-        inside = self._enclosure.holds(place)
+        inside = self._enclosure.contains(place)
         home_s, home_wh = self._cost_home(observation, weather, status)
-        way = self._way
+        route = self._route
         return Facts(
             time_s=observation.time_s,
             elapsed_s=observation.time_s - (self._began_s or 0.0),
@@ -343,8 +340,8 @@ class Guard:
             reached=reached,
             home_s=home_s,
             home_wh=home_wh,
-            at_home=way is not None and way.helm.reached == len(way.survey.targets),
-            home_given_up=way is not None and observation.time_s > way.deadline_s,
+            at_home=route is not None and route.helm.reached == len(route.survey.targets),
+            home_given_up=route is not None and observation.time_s > route.deadline_s,
             battery_share=status.battery_share,
             used_wh=self._used_wh,
             depth_m=self.depth_m,
@@ -361,29 +358,29 @@ class Guard:
         memory = self._memory
         asks = self._settings.watches_home or status.battery_share is not None
         asks = asks or bool(self._asked or memory.asked)
-        asks = asks or memory.against_s is not None or memory.tired_s is not None
+        asks = asks or memory.against_s is not None or memory.strong_since_s is not None
         if not asks:
             return None, 0.0
         return self._home.cost(observation, weather, self._vessel)
 
     @property
-    def _way(self) -> UnderWay | None:
+    def _route(self) -> UnderWay | None:
         """The route home that is being sailed; None unless the boat is returning."""
         return self._home.under_way if self.state is SafetyState.RETURNING else None
 
-    def _become(self, after: Memory, observation: Observation) -> None:
+    def _enter(self, after: Memory, observation: Observation) -> None:
         """Take a new state, and set out on a route if it sends the boat home."""
         before = self.state
-        self._say(after)
+        self._report(after)
         if after.state is SafetyState.RETURNING and before is not SafetyState.RETURNING:
             if self._lookout:
                 self._lookout.sent_home(after.cause)
             self._set_out_for_home(observation)
 
-    def _say(self, after: Memory) -> None:
+    def _report(self, after: Memory) -> None:
         before, self._memory = self._memory, after
         if after.cause is not None and (after.state, after.cause) != (before.state, before.cause):
-            self._tell(
+            self._report_change(
                 after.since_s,
                 before=before.state.value,
                 after=after.state.value,
@@ -394,8 +391,8 @@ class Guard:
     def _set_out_for_home(self, observation: Observation) -> None:
         if self._home.set_out(observation, self._vessel, self._pilot):
             return
-        no_way = self._home.no_way
+        no_route = self._home.no_route
         if self._home.is_closed:
-            self._say(shut_in(self._memory, observation, no_way))
+            self._report(shut_in(self._memory, observation, no_route))
         else:
-            self._say(without_way_home(self._memory, observation.time_s, no_way))
+            self._report(without_route_home(self._memory, observation.time_s, no_route))

@@ -11,12 +11,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.control.apart import Announced
+from grebe.control.separation import AnnouncedPath
+from grebe.mission.consumption import AT_HARBOUR_M
 from grebe.mission.safety.fence import Fence
 from grebe.mission.safety.states import Cause, Place
 from grebe.mission.safety.traffic import WANDER_M, Traffic
 from grebe.mission.safety.waiting import Approach, Stuck
-from grebe.mission.spent import AT_HARBOUR_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +30,7 @@ NEAR_M = 60.0
 # [s].
 LEAST_WAIT_S, LONGEST_WAIT_S = 2.0, 600.0
 # Boats that wait for each other are stuck once they have waited for `STUCK_S` on their path to one
-# place. After `LONG_STUCK_S` it has not helped that one of them made way [s].
+# place. After `LONG_STUCK_S` it has not helped that one of them gave way [s].
 STUCK_S, LONG_STUCK_S = 6.0, 60.0
 # Each time that a boat is refused on its path to a place, it requires `MORE_ROOM_M` more room
 # beside the path, up to `MOST_ROOM_M`: a large hull turns wide [m].
@@ -46,7 +46,7 @@ class Lookout:
     for others on that path. `harbour` is where it is launched and taken ashore, or None for a boat
     that is on the water before and after; `is_afloat` says whether it is on the water now.
     `renewed` are the causes of going home that end there, such as a spent battery. The boat went
-    home to make way for others (`gave_way`), for a cause that ends there (`is_spent`), or on
+    home to give way to others (`gave_way`), for a cause that ends there (`is_spent`), or on
     request (`is_called`).
     """
 
@@ -96,8 +96,8 @@ class Lookout:
         self._approach = self._approach.seen(place, self.towards, time_s)
         waiting = None
         if self.towards is not None and self._approach.idle_s(time_s) > STUCK_S:
-            way = _way_to(place, self.towards)
-            stands = self.traffic.in_the_way(self.boat, way, of_plan=True)
+            path = _path_to(place, self.towards)
+            stands = self.traffic.in_the_way(self.boat, path, of_plan=True)
             waiting = stands if stands.waits_for else None
         self.traffic.waits(self.boat, waiting)
 
@@ -107,13 +107,13 @@ class Lookout:
         """Note that the boat waits to go on towards a place, and return what it is to do.
 
         It has been held for `held_s`. `home_m` is the length of its route home [m], infinite if it
-        cannot make way by going home.
+        cannot give way by going home.
         """
         self.waited_s += 0.0 if self._seen_s is None else time_s - self._seen_s
         self._seen_s, self._approach = time_s, Approach()
-        stands = self.traffic.in_the_way(self.boat, _way_to(place, towards))
-        makes_way = self.gave_way and not math.isfinite(home_m)
-        self.traffic.waits(self.boat, replace(stands, home_m=home_m, makes_way=makes_way))
+        stands = self.traffic.in_the_way(self.boat, _path_to(place, towards))
+        gives_way = self.gave_way and not math.isfinite(home_m)
+        self.traffic.waits(self.boat, replace(stands, home_m=home_m, gives_way=gives_way))
         stuck = Stuck.WAITS
         if self.waited_s > STUCK_S:
             stuck = self.traffic.stuck(self.boat, for_long=self.waited_s > LONG_STUCK_S)
@@ -146,15 +146,15 @@ class Lookout:
         """
         return fence.without(self._blocked(), place, NEAR_M)
 
-    def claim(self, way: NDArray[np.float64]) -> bool:
+    def claim(self, path: NDArray[np.float64]) -> bool:
         """Claim a path (n, 2) [m]; return False if another boat holds it."""
-        return self.traffic.claim(self.boat, way)
+        return self.traffic.claim(self.boat, path)
 
-    def announce(self, plan: Announced) -> None:
+    def announce(self, plan: AnnouncedPath) -> None:
         """Announce where the boat is going to be."""
         self.traffic.announce(self.boat, plan)
 
-    def announced(self, place: Place) -> list[Announced]:
+    def announced(self, place: Place) -> list[AnnouncedPath]:
         """Return where the others are going to be, if any of them is near to a place."""
         return self.traffic.announced(self.boat) if self.is_near(place) else []
 
@@ -170,15 +170,15 @@ class Lookout:
         if towards != self.towards:
             self.towards, self.room_m, self.waited_s = towards, 0.0, 0.0
             self.traffic.takes_turn(self.boat)
-        way = _way_to(place, *places) if places else None
-        self.traffic.wish(self.boat, way, self.room_m)
+        path = _path_to(place, *places) if places else None
+        self.traffic.wish(self.boat, path, self.room_m)
 
     def is_clear(self, place: Place, towards: Place) -> bool:
         """Whether no other boat claims the next piece of the path, and none with precedence wishes
         to cross it.
         """
-        way = shapely.LineString(_way_to(place, towards))
-        return not self._blocked().intersects(way)
+        path = shapely.LineString(_path_to(place, towards))
+        return not self._blocked().intersects(path)
 
     def place_to_wait(self, fence: Fence, place: Place) -> Place:
         """Return where to wait in nobody's way if a straight path leads there, and otherwise
@@ -189,12 +189,12 @@ class Lookout:
         if not self._blocked().intersects(shapely.Point(place)):
             return place
         refuge = self.fence(fence, place).refuge(place)
-        way = shapely.LineString([place, refuge])
-        if not fence.holds_way(np.array([place, refuge])):
+        path = shapely.LineString([place, refuge])
+        if not fence.contains_path(np.array([place, refuge])):
             return place
         # A boat that is already too near to another may move away from it, but not cross its water.
         inner = self.traffic.taken(self.boat).buffer(-WANDER_M)
-        return place if inner.intersects(way) else refuge
+        return place if inner.intersects(path) else refuge
 
     def _wished(self) -> BaseGeometry:
         return self.traffic.wished(self.boat, by_all=self.is_done)
@@ -203,7 +203,7 @@ class Lookout:
         return self.traffic.taken(self.boat).union(self._wished())
 
 
-def _way_to(*places: Place) -> NDArray[np.float64]:
+def _path_to(*places: Place) -> NDArray[np.float64]:
     """Return the first `WISH_M` of the path (n, 2) through some places, or all of a shorter one."""
     corners = np.array(places)
     gone_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])

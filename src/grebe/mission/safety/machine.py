@@ -1,7 +1,7 @@
 """The state machine: what the boat may do from an estimate on, given its memory and the facts.
 
-`advised` is a pure function. It checks first for causes to stop, then for causes to get free, and
-then for causes to go home; a request comes before the boat's own judgement of time and battery.
+`next_memory` is a pure function. It checks first for causes to stop, then for causes to get free,
+and then for causes to go home; a request comes before the boat's own judgement of time and battery.
 Each cause has a row in docs/safety.md.
 """
 
@@ -24,11 +24,11 @@ from grebe.mission.safety.memory import (
     sent_home,
     stopped,
 )
-from grebe.mission.safety.reserve import must_go_home, watched_battery
+from grebe.mission.safety.reserve import must_go_home, updated_battery
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Finding, Place, SafetyState
-from grebe.mission.safety.stuck import Motion, held_fast, watched_motion
-from grebe.mission.safety.thrusters import dead_thruster, watched_turning
+from grebe.mission.safety.stuck import Motion, held_fast, updated_motion
+from grebe.mission.safety.thrusters import dead_thruster, updated_turning
 from grebe.mission.safety.waiting import Stuck
 
 # A boat that was braked at the fence resumes after `BRAKED_S` [s] if it is slower than `SLOW_MPS`
@@ -39,14 +39,14 @@ BRAKED_S, SLOW_MPS, BACK_M, LONGEST_S = 1.0, 0.4, 1.6, 20.0
 OUTSIDE_S = 60.0
 # A boat goes home if current and wind leave it less than this share of its speed for this long [s]:
 # they may become stronger still.
-TIRED_SHARE, TIRED_S = 0.35, 5.0
+STRONG_CURRENT_SHARE, STRONG_CURRENT_S = 0.35, 5.0
 # A boat that is at most this far behind the distance that its thrust should give moves freely [m].
 UNHELD_M = 1.0
 # The least speed over the current that counts as headway [m/s].
 LEAST_REACH_MPS = 0.05
 
 
-def advised(
+def next_memory(
     memory: Memory,
     facts: Facts,
     settings: SafetySettings,
@@ -59,8 +59,8 @@ def advised(
     later.
     """
     asked = (*memory.asked, *asked)
-    seen = _watched(memory, facts, settings, vessel, asked)
-    for judge in (_stops, _frees):
+    seen = _updated(memory, facts, settings, vessel, asked)
+    for judge in (_causes_to_stop, _causes_to_free):
         found = judge(seen, facts, settings)
         if found is not None:
             return found
@@ -69,13 +69,13 @@ def advised(
         for one in asked:
             seen = _answered(seen, facts, one)
         return seen
-    return _judged(seen, facts, settings)
+    return _by_own_judgement(seen, facts, settings)
 
 
-def _judged(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
+def _by_own_judgement(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory:
     """Return the memory of a boat that acts by its own judgement, without a request."""
     if memory.state is SafetyState.SURVEYING or _waits_in_the_survey(memory):
-        finding = must_go_home(memory.battery, facts, settings) or _tired(memory, facts)
+        finding = must_go_home(memory.battery, facts, settings) or _strong_current(memory, facts)
         if finding is not None:
             return sent_home(memory, facts, finding)
     if memory.state is SafetyState.SURVEYING:
@@ -118,14 +118,14 @@ def in_traffic(memory: Memory, facts: Facts, refuge: Place) -> Memory:
     return put_on_hold(memory, facts, finding, refuge, going_on_with(memory))
 
 
-def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | None:
+def after_waiting(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | None:
     """Return the memory of a boat that waits for others, by how `stuck` it is; None to wait on."""
     match stuck:
         case Stuck.WAITS:
             return None
         case Stuck.GOES_FIRST:
             text = "the boats that it would let go first are waiting for it: it goes first"
-            return gone_on(memory, facts, text)
+            return going_on(memory, facts, text)
         case Stuck.GOES_HOME:
             text = "other boats block its path: it gives way and goes home"
             return sent_home(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
@@ -135,13 +135,15 @@ def stood_in_the_way(memory: Memory, facts: Facts, stuck: Stuck) -> Memory | Non
             return stopped(memory, facts, Finding(cause=Cause.TRAFFIC, message=text))
 
 
-def gone_on(memory: Memory, facts: Facts, why: str = "the path is clear of other boats") -> Memory:
+def going_on(memory: Memory, facts: Facts, why: str = "the path is clear of other boats") -> Memory:
     """Return the memory of a boat that waited for others, once its path is clear."""
     finding = Finding(cause=Cause.CLEAR, message=why)
     return changed(memory, facts, memory.resumes, finding)
 
 
-def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySettings) -> Memory:
+def without_estimates(
+    memory: Memory, time_s: float, seconds: float, settings: SafetySettings
+) -> Memory:
     """Return the memory of a boat after `seconds` without a usable estimate: it stops, as far as
     dead reckoning allows. After `settings.blind_s` its mission ends.
     """
@@ -169,7 +171,7 @@ def blinded(memory: Memory, time_s: float, seconds: float, settings: SafetySetti
     )
 
 
-def without_way_home(memory: Memory, time_s: float, why: str) -> Memory:
+def without_route_home(memory: Memory, time_s: float, why: str) -> Memory:
     """Return the memory of a boat that was sent home but has no route there: its mission ends."""
     return replace(
         memory,
@@ -195,7 +197,7 @@ def shut_in(memory: Memory, observation: Observation, why: str) -> Memory:
     )
 
 
-def _watched(
+def _updated(
     memory: Memory,
     facts: Facts,
     settings: SafetySettings,
@@ -204,29 +206,29 @@ def _watched(
 ) -> Memory:
     """Return the memory, updated with this estimate and its requests."""
     drives = memory.state in (SafetyState.SURVEYING, SafetyState.RETURNING)
-    motion = watched_motion(memory.motion, facts, vessel, settings.least_depth_m)
+    motion = updated_motion(memory.motion, facts, vessel, settings.least_depth_m)
     if memory.reached != facts.reached:
         memory = replace(memory, fenced=0, astern=0, reached=facts.reached)
     left = reach_mps(vessel, facts.weather)
     strong = left < LEAST_REACH_MPS
-    tired = left < TIRED_SHARE * vessel.speed_max_mps
-    tired_since = memory.tired_s if memory.tired_s is not None else facts.time_s
+    is_strong = left < STRONG_CURRENT_SHARE * vessel.speed_max_mps
+    strong_since = memory.strong_since_s if memory.strong_since_s is not None else facts.time_s
     astray = memory.cause is Cause.FENCE and facts.outside
     since = memory.against_s if memory.against_s is not None else facts.time_s
     return replace(
         memory,
         asked=asked,
         motion=motion if drives else Motion(),
-        turning=watched_turning(memory.turning, facts, vessel),
-        battery=watched_battery(memory.battery, facts),
+        turning=updated_turning(memory.turning, facts, vessel),
+        battery=updated_battery(memory.battery, facts),
         against_s=since if strong or astray else None,
         carried=strong,
-        unheeded=memory.unheeded and bool(facts.mute),
-        tired_s=tired_since if tired else None,
+        ignores_silence=memory.ignores_silence and bool(facts.mute),
+        strong_since_s=strong_since if is_strong else None,
     )
 
 
-def _stops(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
+def _causes_to_stop(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
     """Return the memory of a boat whose mission has to end at once, or that a current carries off;
     None if there is no such cause.
     """
@@ -263,20 +265,20 @@ def _carried_off(memory: Memory, facts: Facts, settings: SafetySettings) -> Memo
     return stopped(memory, facts, finding)
 
 
-def _tired(memory: Memory, facts: Facts) -> Finding | None:
+def _strong_current(memory: Memory, facts: Facts) -> Finding | None:
     """Return the finding of a current that is weaker than the boat, but too strong to stay out."""
     knows_home = facts.home_s is not None and math.isfinite(facts.home_s)
     # To the observer, a boat held by weeds looks like a boat in a current.
     held = memory.motion.behind_m > UNHELD_M
-    if memory.tired_s is None or held or not knows_home:
+    if memory.strong_since_s is None or held or not knows_home:
         return None
-    if facts.time_s - memory.tired_s < TIRED_S:
+    if facts.time_s - memory.strong_since_s < STRONG_CURRENT_S:
         return None
     text = "the current and the wind leave the boat too little speed"
     return Finding(cause=Cause.CURRENT, message=text)
 
 
-def _frees(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
+def _causes_to_free(memory: Memory, facts: Facts, settings: SafetySettings) -> Memory | None:
     """Return the memory of a boat that begins or ends an attempt to get free by going astern, or
     gives up after too many; None in all other cases.
     """
@@ -311,7 +313,7 @@ def _answered(memory: Memory, facts: Facts, asked: Asked) -> Memory:
         return memory
     finding = Finding(cause=Cause.GO_ON, message=asked.why)
     going = changed(memory, facts, memory.resumes, finding)
-    return replace(going, unheeded=memory.cause is Cause.UNMEASURED)
+    return replace(going, ignores_silence=memory.cause is Cause.UNMEASURED)
 
 
 def _waits_in_the_survey(memory: Memory) -> bool:
@@ -324,7 +326,7 @@ def _unmeasured(memory: Memory, facts: Facts, settings: SafetySettings) -> Memor
     """Return the memory of a surveying boat: it holds its position while an instrument is silent
     for too long, unless it has been asked to go on.
     """
-    if memory.unheeded or facts.mute_s <= settings.mute_s:
+    if memory.ignores_silence or facts.mute_s <= settings.mute_s:
         return memory
     text = f"{facts.mute} has sent nothing for {facts.mute_s:.0f} s: the survey waits for it"
     finding = Finding(cause=Cause.UNMEASURED, message=text)

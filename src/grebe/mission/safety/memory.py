@@ -39,9 +39,9 @@ class Memory:
     the state to which a temporary state returns, and `place` the position that is held. `homeward`
     says why the boat was sent home. `fenced` and `astern` count the attempts since `reached`
     targets were reached. `against_s` is the time since which the boat has been carried off
-    (`carried`: by a current or wind stronger than it) or outside its fence. `tired_s` is the time
-    since which it has been little faster than its drift. `unheeded`: somebody has told the boat to
-    go on without the silent instrument. `asked` are the requests not yet answered.
+    (`carried`: by a current or wind stronger than it) or outside its fence. `strong_since_s` is the
+    time since which it has been little faster than its drift. `ignores_silence`: somebody has told
+    the boat to go on without the silent instrument. `asked` are the requests not yet answered.
     """
 
     state: SafetyState = SafetyState.SURVEYING
@@ -56,8 +56,8 @@ class Memory:
     reached: int = 0
     against_s: float | None = None
     carried: bool = False
-    tired_s: float | None = None
-    unheeded: bool = False
+    strong_since_s: float | None = None
+    ignores_silence: bool = False
     asked: tuple[Asked, ...] = ()
     motion: Motion = field(default_factory=Motion)
     turning: Turning = field(default_factory=Turning)

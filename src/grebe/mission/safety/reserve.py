@@ -12,7 +12,7 @@ from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.vessel import Vessel
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Cause, Facts, Finding
-from grebe.planning.ways.travel import TURN_SHARE, WANDER, ground_speed
+from grebe.planning.paths.travel import TURN_SHARE, WANDER, ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Battery:
         return (self.first - self.now) / seconds if seconds > 0 else None
 
 
-def watched_battery(before: Battery, facts: Facts) -> Battery:
+def updated_battery(before: Battery, facts: Facts) -> Battery:
     """Return the battery, updated with a reported share; a share that rises is a new battery's."""
     share = facts.battery_share
     if share is None or not math.isfinite(share):
@@ -95,13 +95,13 @@ def _battery_finding(
     )
 
 
-def way_home_s(
-    vessel: Vessel, way: NDArray[np.float64], weather: Weather, speed_mps: float
+def route_home_s(
+    vessel: Vessel, path: NDArray[np.float64], weather: Weather, speed_mps: float
 ) -> tuple[float, float]:
     """Return the time [s] and the energy [Wh] of a path (n, 2) at a speed over ground [m/s],
     reduced as the weather requires; infinite if the weather leaves no speed.
     """
-    steps = np.diff(way, axis=0)
+    steps = np.diff(path, axis=0)
     steps = steps[np.hypot(*steps.T) > 1e-9]
     if len(steps) == 0:
         return 0.0, 0.0

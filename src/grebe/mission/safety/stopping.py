@@ -22,12 +22,12 @@ from grebe.mission.safety.lookout import Lookout
 from grebe.mission.safety.settings import SafetySettings
 from grebe.mission.safety.states import Place
 
-# A way to stop that was found longer ago than this is for another place [s].
+# A plan to stop that was found longer ago than this is for another place [s].
 PROVED_S = 1.0
 
 
 class Stopping:
-    """Looks for ways to stop one boat, and remembers the last one that is permitted.
+    """Looks for plans to stop one boat, and remembers the last one that is permitted.
 
     `by_motion`: an autopilot holds the boat's motion, and how it does so is not known exactly.
     """
@@ -42,7 +42,7 @@ class Stopping:
     ) -> None:
         self.vessel = vessel
         self._settings, self._lookout, self._by_motion = settings, lookout, by_motion
-        self._proved: tuple[float, Escape] | None = None
+        self._last_plan: tuple[float, Escape] | None = None
 
     @property
     def keeper(self) -> StationKeeper:
@@ -55,22 +55,22 @@ class Stopping:
         """The time until the boat follows a command, besides the lags of its model [s]."""
         return self._settings.reaction_s + (FOLLOWED_S if self._by_motion else 0.0)
 
-    def is_sure(
+    def can_stop(
         self, fence: Fence, observation: Observation, ahead: Schedule, weather: Weather
     ) -> bool:
         """Whether the boat, with the thrusts `ahead` until the next estimate, could still stop
-        inside and away from others. If so, the way to stop is remembered.
+        inside and away from others. If so, the plan to stop is remembered.
         """
         place, lookout = (observation.state[0], observation.state[1]), self._lookout
         near = lookout is not None and lookout.is_near(place)
         within = lookout.fence(fence, place) if lookout and near else fence
-        way_out = self.way_out(within, observation, ahead, weather, foresees=near)
-        if way_out is None or (lookout and not lookout.claim(way_out.way)):
+        escape_plan = self.escape_plan(within, observation, ahead, weather, foresees=near)
+        if escape_plan is None or (lookout and not lookout.claim(escape_plan.path)):
             return False
-        self._proved = (observation.time_s, way_out)
+        self._last_plan = (observation.time_s, escape_plan)
         return True
 
-    def way_out(
+    def escape_plan(
         self,
         fence: Fence,
         observation: Observation,
@@ -92,18 +92,18 @@ class Stopping:
         )
 
     def refuge(self, time_s: float) -> Place | None:
-        """Return the refuge of the last way to stop, while it is recent. A new refuge would differ
+        """Return the refuge of the last plan to stop, while it is recent. A new refuge would differ
         by the distance covered since, and take a heavy boat along another path.
         """
-        since, way_out = self._proved or (-math.inf, None)
-        return way_out.refuge if way_out and time_s - since < PROVED_S else None
+        since, escape_plan = self._last_plan or (-math.inf, None)
+        return escape_plan.refuge if escape_plan and time_s - since < PROVED_S else None
 
     def thrusts(self, time_s: float) -> Thrusts | None:
-        """Return the present thrusts of the last way to stop, while it still follows a plan."""
-        if self._proved is None:
+        """Return the present thrusts of the last plan to stop, while it still follows a plan."""
+        if self._last_plan is None:
             return None
-        since, way_out = self._proved
+        since, escape_plan = self._last_plan
         step = round((time_s - since) / STEP_S)
         reaction = math.ceil(self._reaction_s / STEP_S)
-        planned = len(way_out.thrusts) > reaction + 1
-        return way_out.thrusts[step] if planned and step < len(way_out.thrusts) else None
+        planned = len(escape_plan.thrusts) > reaction + 1
+        return escape_plan.thrusts[step] if planned and step < len(escape_plan.thrusts) else None

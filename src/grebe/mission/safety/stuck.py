@@ -39,7 +39,7 @@ class Motion:
     depth_m: float | None = None
 
 
-def watched_motion(before: Motion, facts: Facts, vessel: Vessel, least_depth_m: float) -> Motion:
+def updated_motion(before: Motion, facts: Facts, vessel: Vessel, least_depth_m: float) -> Motion:
     """Return the motion, updated with an estimate."""
     shallow, depth = before.shallow, before.depth_m
     if facts.depth_m is not None:

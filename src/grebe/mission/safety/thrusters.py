@@ -71,7 +71,7 @@ class Turning:
     since_s: float = 0.0
 
 
-def watched_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
+def updated_turning(before: Turning, facts: Facts, vessel: Vessel) -> Turning:
     """Return the turning, updated with an estimate and the thrusts that led to it."""
     yaw_rate = facts.state[5]
     if before.time_s is None:

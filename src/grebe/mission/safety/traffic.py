@@ -32,8 +32,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from grebe.control.apart import Announced
-from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_makes_way
+from grebe.control.separation import AnnouncedPath
+from grebe.mission.safety.waiting import Stuck, Waiting, ring, who_gives_way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class Traffic:
     order: Sequence[int] = ()
     _claims: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
     _wishes: dict[int, BaseGeometry] = field(default_factory=dict[int, BaseGeometry])
-    _announced: dict[int, Announced] = field(default_factory=dict[int, Announced])
+    _announced: dict[int, AnnouncedPath] = field(default_factory=dict[int, AnnouncedPath])
     _waits: dict[int, Waiting] = field(default_factory=dict[int, Waiting])
     _first: set[int] = field(default_factory=set[int])
     _over: set[int] = field(default_factory=set[int])
@@ -94,28 +94,28 @@ class Traffic:
         """The distance that a boat keeps from the wished and planned paths of others [m]."""
         return self.apart_m + 3 * WANDER_M
 
-    def announce(self, boat: int, plan: Announced) -> None:
+    def announce(self, boat: int, plan: AnnouncedPath) -> None:
         """Announce where this boat is going to be."""
         with self._lock:
             self._announced[boat] = plan
 
-    def announced(self, boat: int) -> list[Announced]:
+    def announced(self, boat: int) -> list[AnnouncedPath]:
         """Return where the others are going to be; without an announcement, a boat is assumed to
         stay at the end of its claim.
         """
         with self._lock:
             return [
-                self._announced.get(other) or Announced.lying(_end(claim))
+                self._announced.get(other) or AnnouncedPath.at_rest(_end(claim))
                 for other, claim in self._claims.items()
                 if other != boat
             ]
 
-    def in_the_way(self, boat: int, way: NDArray[np.float64], *, of_plan: bool = False) -> Waiting:
+    def in_the_way(self, boat: int, path: NDArray[np.float64], *, of_plan: bool = False) -> Waiting:
         """Return the boats whose claims are on this boat's path (n, 2) [m], and those that have
         precedence and only wish to go there. With `of_plan`, claims count within the larger
         distance that plans keep.
         """
-        line = _line(way)
+        line = _line(path)
         claimed_m = self.wide_m if of_plan else self.taken_m
         with self._lock:
             claimed = {
@@ -153,8 +153,8 @@ class Traffic:
                 self._first.add(boat)
                 return Stuck.GOES_FIRST
             others = [self._waits[one] for one in among if one != boat]
-            helps = any(not one.claimed_by or one.makes_way for one in others)
-            if (helps and not for_long) or who_makes_way(self._waits, among) != boat:
+            helps = any(not one.claimed_by or one.gives_way for one in others)
+            if (helps and not for_long) or who_gives_way(self._waits, among) != boat:
                 return Stuck.WAITS
             return Stuck.GOES_HOME
 
@@ -172,27 +172,27 @@ class Traffic:
             waiting = self._waits.get(boat)
             return waiting is not None and bool(waiting.claimed_by & self._over)
 
-    def claim(self, boat: int, way: NDArray[np.float64]) -> bool:
+    def claim(self, boat: int, path: NDArray[np.float64]) -> bool:
         """Take the path (n, 2) [m] as this boat's claim; return False if it is too near to
         another's.
         """
-        line = _line(way)
+        line = _line(path)
         with self._lock:
             if _away_m(line, self._of_others(boat)) < self.apart_m + WANDER_M:
                 return False
             self._claims[boat] = line
             return True
 
-    def wish(self, boat: int, way: NDArray[np.float64] | None, room_m: float = 0.0) -> None:
+    def wish(self, boat: int, path: NDArray[np.float64] | None, room_m: float = 0.0) -> None:
         """Announce the path on which this boat would go, with the room that it needs beside it;
         None for nowhere.
         """
         with self._lock:
-            if way is None:
+            if path is None:
                 self._wishes.pop(boat, None)
             else:
                 self._wishes[boat] = (
-                    _line(way).buffer(room_m, quad_segs=4) if room_m else _line(way)
+                    _line(path).buffer(room_m, quad_segs=4) if room_m else _line(path)
                 )
 
     def is_alone(self, boat: int) -> bool:
@@ -230,10 +230,10 @@ class Traffic:
             return [claim for other, claim in self._claims.items() if other != boat]
 
 
-def _line(way: NDArray[np.float64]) -> BaseGeometry:
-    if np.ptp(way, axis=0).max() < ROUNDING_M:
-        return shapely.Point(way[0])
-    return shapely.LineString(way).simplify(ROUNDING_M)
+def _line(path: NDArray[np.float64]) -> BaseGeometry:
+    if np.ptp(path, axis=0).max() < ROUNDING_M:
+        return shapely.Point(path[0])
+    return shapely.LineString(path).simplify(ROUNDING_M)
 
 
 def _end(claim: BaseGeometry) -> tuple[float, float]:

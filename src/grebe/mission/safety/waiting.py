@@ -19,7 +19,7 @@ NEARER_M = 0.5
 
 
 class Stuck(enum.Enum):
-    """What a waiting boat does: it waits on, goes before its turn, goes home to make way, or gives
+    """What a waiting boat does: it waits on, goes before its turn, goes home to give way, or gives
     up.
     """
 
@@ -35,13 +35,13 @@ class Waiting:
 
     `claimed_by` are the numbers of the boats whose claims are on its path, and `wished_by` those of
     boats that only wish to go there. `home_m` is the length of its route home [m], infinite if it
-    cannot make way by going home. `makes_way`: it is making way already.
+    cannot give way by going home. `gives_way`: it is giving way already.
     """
 
     claimed_by: frozenset[int]
     wished_by: frozenset[int] = frozenset()
     home_m: float = math.inf
-    makes_way: bool = False
+    gives_way: bool = False
 
     @property
     def waits_for(self) -> frozenset[int]:
@@ -81,7 +81,7 @@ def ring(waits: Mapping[int, Waiting], boat: int) -> frozenset[int]:
     return frozenset(one for one in after if boat in _waited_for(waits, one))
 
 
-def who_makes_way(waits: Mapping[int, Waiting], among: frozenset[int]) -> int | None:
+def who_gives_way(waits: Mapping[int, Waiting], among: frozenset[int]) -> int | None:
     """Return the boat of a ring that goes home: the one nearest to its harbour, because no other is
     on its route there; None if no boat can.
     """

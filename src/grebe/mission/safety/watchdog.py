@@ -21,10 +21,10 @@ from typing import Self
 
 from grebe.core.errors import GrebeError, LinkError
 from grebe.core.events import MissionEvent, Step
-from grebe.links import guard
+from grebe.links import watchdog_process
 from grebe.links.base import BoatLink
 from grebe.links.emergency import EmergencyStop, emergency_of
-from grebe.mission.telling.recorders import Listener
+from grebe.mission.events.recorders import Listener
 
 # The time allowed for starting the process and importing its action [s].
 START_S = 20.0
@@ -42,7 +42,7 @@ class Watchdog:
 
     def __init__(self, stop: EmergencyStop, journal: Path | None = None) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-S", guard.__file__],
+            [sys.executable, "-I", "-S", watchdog_process.__file__],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -99,7 +99,7 @@ class Watchdog:
 
     def dismiss(self) -> None:
         """Say goodbye, because the boat has been left without thrust in good order."""
-        self._write(guard.GOODBYE)
+        self._write(watchdog_process.GOODBYE)
         self._leave()
 
     def desert(self) -> None:

@@ -45,10 +45,10 @@ def convex_growth(a: shapely.Polygon, b: shapely.Polygon) -> shapely.Polygon | N
     complete edge of `a`.
     """
     corners = shapely.get_coordinates(shapely.normalize(a).exterior)[::-1]
-    ways = np.diff(corners, axis=0)
-    long_enough = np.hypot(*ways.T) > ROUNDING_M
-    corners, ways = corners[:-1][long_enough], ways[long_enough]
-    inwards = np.column_stack([-ways[:, 1], ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+    edges = np.diff(corners, axis=0)
+    long_enough = np.hypot(*edges.T) > ROUNDING_M
+    corners, edges = corners[:-1][long_enough], edges[long_enough]
+    inwards = np.column_stack([-edges[:, 1], edges[:, 0]]) / np.hypot(*edges.T)[:, None]
     part = shapely.get_coordinates(b.exterior)
     beyond = (((part[:, None] - corners) * inwards).sum(axis=2) <= ROUNDING_M).all(axis=0)
     if beyond.sum() != 1:

@@ -21,13 +21,13 @@ from grebe.core.plan_settings import PlanSettings, check_speed
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.planning.fleets.stretches import check_cells, shared_evenly
+from grebe.planning.merge import checked, merged
+from grebe.planning.paths.corridors import PathFinder
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner, planner_of
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.region import Region
 from grebe.planning.route.portfolio import Route
 from grebe.planning.trips.lake import lake_of
-from grebe.planning.ways.corridors import Waterways
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,8 +78,8 @@ def shared_out(
     sharing = _Sharing.of(planners if fleet.vessels else [planner], draft, places, fleet.boats)
     parts, boats = sharing.balanced()
     bound_m = planner.bound_m(draft)
-    survey, revision = put_together(parts, bound_m, boats)
-    alone_s = [_time_s(one.survey(draft, sharing.ways, bound_m)) for one in sharing.planners]
+    survey, revision = merged(parts, bound_m, boats)
+    alone_s = [_time_s(one.survey(draft, sharing.finder, bound_m)) for one in sharing.planners]
     assert survey.outcome is not None
     return PlannedSorties(
         survey=survey,
@@ -105,7 +105,7 @@ class _Sharing:
 
     planners: Sequence[Planner]
     draft: Draft
-    ways: Waterways
+    finder: PathFinder
     places: Sequence[tuple[float, float]]
     legs_s: Array
     out_s: Array
@@ -125,7 +125,7 @@ class _Sharing:
         legs = planner.travel.leg_s(np.diff(centres, axis=0))
         out = lake.seconds(outwards=True)[:, order] if places else np.zeros((boats, len(order)))
         return cls(
-            planners=planners, draft=draft, ways=lake.ways, places=places,
+            planners=planners, draft=draft, finder=lake.finder, places=places,
             legs_s=np.concatenate([[0.0], legs]) + float(np.mean(legs)) * 1e-3, out_s=out,
         )  # fmt: skip
 
@@ -170,7 +170,7 @@ class _Sharing:
             start=place,
         )
         planner = self.planners[boat] if len(self.planners) > 1 else self.planners[0]
-        return planner.survey(draft, self.ways, 0.0)
+        return planner.survey(draft, self.finder, 0.0)
 
 
 def _time_s(part: Survey) -> float:

@@ -18,14 +18,14 @@ import numpy as np
 from grebe.core.errors import PlanError
 from grebe.core.plan_settings import FleetSettings, check_speed
 from grebe.core.survey import Survey
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.planning.fleets.stretches import check_cells, shared_evenly
+from grebe.planning.merge import checked, merged
 from grebe.planning.planned import PlannedSorties
 from grebe.planning.planner import Draft, Planner
-from grebe.planning.put_together import checked, put_together
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance, endurance_of
 from grebe.planning.trips.fewest_trips import Trips, check_reach, trips_within
-from grebe.planning.trips.lake import Lake, lake_of, lake_seen_by
+from grebe.planning.trips.lake import Lake, lake_for_boat, lake_of
 from grebe.planning.trips.trip_surveys import trip_surveys
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def share_sorties(
     shares = _evened(_boats_of(planner, draft, places, fleet, rounds), draft, bound_m, on_done)
     parts = [part for one in shares for part in one.parts]
     whose = [one.boat.number for one in shares for _ in one.parts]
-    survey, revision = put_together(parts, bound_m, whose)
+    survey, revision = merged(parts, bound_m, whose)
     assert survey.outcome is not None
     return PlannedSorties(
         survey=survey, outcome=survey.outcome, check=checked(survey, revision, planner.water),
@@ -91,9 +91,11 @@ class _Boat:
         """
         out = self.lake.seconds(outwards=True)[:, stretch]
         back = self.lake.seconds(outwards=False)[:, stretch]
-        ways_m = np.array([home.ways_m[stretch] for home in self.lake.homes])
+        distances_m = np.array([home.distances_m[stretch] for home in self.lake.homes])
         limit_s = self.endurance.limit_s - HOME_SLACK_S
-        farthest_s = np.min(out + np.maximum(back, self.endurance.home_s(ways_m)), axis=0).max()
+        farthest_s = np.min(
+            out + np.maximum(back, self.endurance.home_s(distances_m)), axis=0
+        ).max()
         left = 1.0 - float(np.min(out + back, axis=0).mean()) / limit_s
         if farthest_s > limit_s:
             left = LEAST_LEFT
@@ -103,7 +105,7 @@ class _Boat:
         """Time of the taut path through a stretch [s]."""
         north, east = self.lake.draft.network.centres[stretch[0]].tolist()
         footprints = [self.lake.draft.cells[i].footprint for i in stretch.tolist()]
-        return self.lake.travel.path_s(taut_way((north, east), footprints))
+        return self.lake.travel.path_s(taut_path((north, east), footprints))
 
     def check_reach(self, stretch: Order) -> None:
         """Raise `PlanError` if a cell of the stretch is too far for any trip."""
@@ -151,7 +153,7 @@ def _boats_of(
         boats.append(
             _Boat(
                 number=number,
-                lake=lake_seen_by(own, lake, homes),
+                lake=lake_for_boat(own, lake, homes),
                 endurance=endurance_of(vessel, settings.of_boat(number), power_w),
                 rounds=rounds,
             )

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import KDTree
 
-from grebe.planning.ways.place_ways import PlaceWays
+from grebe.planning.paths.place_paths import PlacePaths
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,9 +57,9 @@ class Worth:
     apart_m: float
 
 
-def once_read(worth: Worth, ways: PlaceWays, announced: Sequence[Array]) -> Worth:
+def once_read(worth: Worth, paths: PlacePaths, announced: Sequence[Array]) -> Worth:
     """Return what places are worth once others have read along the paths (k, 2) they announced."""
-    passed = sorted({place for way in announced for place in ways.passed(way)})
+    passed = sorted({place for tour in announced for place in paths.passed(tour)})
     if not passed:
         return worth
     seen = worth.covariance[:, passed]
@@ -69,14 +69,14 @@ def once_read(worth: Worth, ways: PlaceWays, announced: Sequence[Array]) -> Wort
 
 
 def chosen_places(
-    worth: Worth, ways: PlaceWays, start: int, budget_s: float, pace_mps: float, turn_m: float
+    worth: Worth, paths: PlacePaths, start: int, budget_s: float, pace_mps: float, turn_m: float
 ) -> tuple[list[int], Array]:
     """Return the places to visit, by their numbers, and the variance (m,) that is left then.
 
     The path from the place `start` through them keeps the budget at `pace_mps`. The price of a
     place is the path that it adds, and `turn_m` for each radian that the boat turns there.
     """
-    chosen = _Choice(worth, ways, start)
+    chosen = _Choice(worth, paths, start)
     open_ = np.ones(len(worth.places), dtype=bool)
     open_[start] = False
     while open_.any():
@@ -103,8 +103,8 @@ def chosen_places(
 class _Choice:
     """The path chosen so far, and the covariance of the signal given the readings along it."""
 
-    def __init__(self, worth: Worth, ways: PlaceWays, start: int) -> None:
-        self._worth, self._ways, self._start = worth, ways, start
+    def __init__(self, worth: Worth, paths: PlacePaths, start: int) -> None:
+        self._worth, self._paths, self._start = worth, paths, start
         self._tree = KDTree(worth.places)
         self._covariance = worth.covariance.copy()
         self._passed = {start}
@@ -112,21 +112,21 @@ class _Choice:
         self._read(start)
 
     @property
-    def _way(self) -> NDArray[np.int64]:
+    def _tour(self) -> NDArray[np.int64]:
         """The places of the path, including the start."""
         return np.array([self._start, *self.route])
 
     @property
     def length_m(self) -> float:
         """Length of the path [m]."""
-        way = self._way
-        return float(self._ways.lengths_m[way[:-1], way[1:]].sum())
+        tour = self._tour
+        return float(self._paths.lengths_m[tour[:-1], tour[1:]].sum())
 
     def insertions(self) -> tuple[Array, NDArray[np.int64]]:
         """By how much each place at its best position lengthens the path [m], and that position."""
-        way = self._way
-        away = self._ways.lengths_m[:, way]
-        legs = self._ways.lengths_m[way[:-1], way[1:]]
+        tour = self._tour
+        away = self._paths.lengths_m[:, tour]
+        legs = self._paths.lengths_m[tour[:-1], tour[1:]]
         added = np.column_stack([away[:, :-1] + away[:, 1:] - legs[None, :], away[:, -1]])
         position = np.argmin(added, axis=1)
         return added[np.arange(len(away)), position], position
@@ -136,11 +136,11 @@ class _Choice:
         is the last [rad].
         """
         places = self._worth.places
-        way = self._way
-        last = at == len(way) - 1
-        corner = np.where(last, way[at], np.arange(len(places)))
-        came_from = np.where(last, way[np.maximum(at - 1, 0)], way[at])
-        goes_to = np.where(last, np.arange(len(places)), way[np.minimum(at + 1, len(way) - 1)])
+        tour = self._tour
+        last = at == len(tour) - 1
+        corner = np.where(last, tour[at], np.arange(len(places)))
+        came_from = np.where(last, tour[np.maximum(at - 1, 0)], tour[at])
+        goes_to = np.where(last, np.arange(len(places)), tour[np.minimum(at + 1, len(tour) - 1)])
         into, out = places[corner] - places[came_from], places[goes_to] - places[corner]
         cross = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
         return np.abs(np.arctan2(cross, np.sum(into * out, axis=1)))
@@ -151,10 +151,10 @@ class _Choice:
         """
         worth = self._worth
         one = worth.weights @ self._covariance**2 / (np.diag(self._covariance) + worth.noise)
-        way = self._way
-        last = at == len(way) - 1
-        gains = one + self._on_leg(one, way[at])
-        after = way[np.minimum(at + 1, len(way) - 1)]
+        tour = self._tour
+        last = at == len(tour) - 1
+        gains = one + self._on_leg(one, tour[at])
+        after = tour[np.minimum(at + 1, len(tour) - 1)]
         return gains + np.where(last, 0.0, self._on_leg(one, after))
 
     def _on_leg(self, one: Array, ends: NDArray[np.int64]) -> Array:
@@ -163,17 +163,17 @@ class _Choice:
         shares = (np.arange(POINTS) + 0.5) / POINTS
         points = places[ends][:, None] + shares[None, :, None] * (places - places[ends])[:, None]
         met = self._tree.query(points.reshape(-1, 2))[1].reshape(-1, POINTS)
-        length = self._ways.lengths_m[np.arange(len(places)), ends]
+        length = self._paths.lengths_m[np.arange(len(places)), ends]
         return length / self._worth.apart_m * one[met].mean(axis=1)
 
     def take(self, place: int, position: int) -> None:
         """Insert a place into the path, and take the readings on its legs."""
         self.route.insert(position, place)
-        way = [self._start, *self.route]
+        tour = [self._start, *self.route]
         for a, b in zip(
-            way[position : position + 2], way[position + 1 : position + 3], strict=False
+            tour[position : position + 2], tour[position + 1 : position + 3], strict=False
         ):
-            for passed in self._ways.along(a, b):
+            for passed in self._paths.along(a, b):
                 if passed not in self._passed:
                     self._passed.add(passed)
                     self._read(passed)
@@ -184,26 +184,28 @@ class _Choice:
 
     def shorten(self) -> None:
         """Reverse stretches of the path for as long as that makes it shorter (2-opt)."""
-        lengths = self._ways.lengths_m
-        way = self._way
+        lengths = self._paths.lengths_m
+        tour = self._tour
         found = True
         while found:
             found = False
-            for i in range(1, len(way) - 1):
-                ends = np.arange(i + 1, len(way))
-                after = np.append(lengths[way[i], way[ends[:-1] + 1]], 0.0)
-                cut = np.append(lengths[way[ends[:-1]], way[ends[:-1] + 1]], 0.0)
-                gain = lengths[way[i - 1], way[i]] + cut - lengths[way[i - 1], way[ends]] - after
+            for i in range(1, len(tour) - 1):
+                ends = np.arange(i + 1, len(tour))
+                after = np.append(lengths[tour[i], tour[ends[:-1] + 1]], 0.0)
+                cut = np.append(lengths[tour[ends[:-1]], tour[ends[:-1] + 1]], 0.0)
+                gain = (
+                    lengths[tour[i - 1], tour[i]] + cut - lengths[tour[i - 1], tour[ends]] - after
+                )
                 best = int(np.argmax(gain))
                 if gain[best] > 1e-9:
-                    way[i : ends[best] + 1] = way[i : ends[best] + 1][::-1].copy()
+                    tour[i : ends[best] + 1] = tour[i : ends[best] + 1][::-1].copy()
                     found = True
-        self.route = way[1:].tolist()
+        self.route = tour[1:].tolist()
 
     def left(self) -> Array:
         """The variance that is left after the readings along the current path."""
-        way = [self._start, *self.route]
-        met = {one for a, b in pairwise(way) for one in self._ways.along(a, b)}
+        tour = [self._start, *self.route]
+        met = {one for a, b in pairwise(tour) for one in self._paths.along(a, b)}
         passed = sorted({self._start, *met})
         covariance, noise = self._worth.covariance, self._worth.noise
         seen = covariance[:, passed]

@@ -21,15 +21,15 @@ from grebe.core.errors import PlanError
 from grebe.core.revision import PlanRevision, Reason, Sortie, numbered_on, revised, survey_of
 from grebe.core.sets import TargetSet, footprints_of, ring_vertices
 from grebe.core.survey import Survey, Target
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
 from grebe.core.vessel import Vessel
 from grebe.planning.cells.mesh import Cell, target_footprint, wide_pieces
+from grebe.planning.paths.corridors import REACH_CELLS, PathFinder, Stop, corridors_of, widened
+from grebe.planning.paths.graph import parts_of
+from grebe.planning.paths.network import ROUNDING_M, Network, connect
+from grebe.planning.paths.travel import travel_of
 from grebe.planning.route.costs import costs_of
 from grebe.planning.route.polish import polished
-from grebe.planning.ways.corridors import REACH_CELLS, Stop, Waterways, corridors_of, widened
-from grebe.planning.ways.graph import parts_of
-from grebe.planning.ways.network import ROUNDING_M, Network, connect
-from grebe.planning.ways.travel import travel_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,11 +64,11 @@ class OpenWater:
             for i, shape in enumerate(shapes.tolist())
         ]
         between = shapely.difference(self.water, shapely.union_all(shapes))
-        ways = [
+        finder = [
             Cell(row=1, column=i, footprint=piece, is_speck=True)
             for i, piece in enumerate(wide_pieces(between))
         ]
-        return [*targets, *ways]
+        return [*targets, *finder]
 
     @cached_property
     def network(self) -> Network:
@@ -76,13 +76,13 @@ class OpenWater:
         return connect(self.cells, self.water, self.cell_m)
 
     @cached_property
-    def ways(self) -> Waterways:
+    def finder(self) -> PathFinder:
         """The paths between the cells."""
-        return Waterways(self.cells, self.network, self.water, self.cell_m)
+        return PathFinder(self.cells, self.network, self.water, self.cell_m)
 
     @cached_property
     def _parts(self) -> NDArray[np.int64]:
-        return parts_of(self.network.links(self.network.ways_m))[1]
+        return parts_of(self.network.links(self.network.lengths_m))[1]
 
     @cached_property
     def shapes(self) -> NDArray[np.object_]:
@@ -193,14 +193,14 @@ def put_in_order(
     part = survey_of(survey, old, halfway.sortie)
     done = part.targets[: halfway.reached]
     ends_at = part.targets[-1] if part.targets[-1].kind == "transit" else None
-    targets, corridors = way_through_cells(
+    targets, corridors = path_through_cells(
         old, survey, open_, halfway, rest, ends_at, vessel=vessel, weather=weather
     )
     ahead = [*done, *targets], [*part.corridors[: halfway.reached], *corridors]
     return joined(old, halfway.sortie, *ahead, reason=reason, note=note)
 
 
-def way_through_cells(
+def path_through_cells(
     old: PlanRevision, survey: Survey, open_: OpenWater, halfway: Halfway, rest: Sequence[int],
     ends_at: Target | None, *, vessel: Vessel, weather: Weather,
 ) -> tuple[list[Target], list[shapely.Polygon]]:  # fmt: skip
@@ -225,7 +225,7 @@ def remaining_s(
     if settings is None or not ahead:
         return 0.0
     travel = travel_of(vessel, (settings.speed_min_mps, settings.speed_max_mps), weather)
-    return travel.path_s(taut_way(place, footprints_of([target.set for target in ahead])))
+    return travel.path_s(taut_path(place, footprints_of([target.set for target in ahead])))
 
 
 def _ordered(
@@ -244,7 +244,7 @@ def _ordered(
     return min(
         polished(costs, rest, KICKS)[0],
         rest,
-        key=lambda order: travel.path_s(taut_way(halfway.place, open_.shapes[order])),
+        key=lambda order: travel.path_s(taut_path(halfway.place, open_.shapes[order])),
     )
 
 
@@ -252,23 +252,23 @@ def _stops(
     open_: OpenWater, place: tuple[float, float], order: NDArray[np.int64], ends_at: Target | None
 ) -> list[Stop]:
     """Cells and transits from the boat's place, and back to where the order has to end."""
-    ways = open_.ways
-    stops = ways.stops(order)
+    finder = open_.finder
+    stops = finder.stops(order)
     begin = np.array([shapely.Point(place).buffer(PLACE_RADIUS_M, quad_segs=1)], dtype=object)
-    if not ways.straight(begin, np.array([stops[0].footprint], dtype=object))[0]:
+    if not finder.straight(begin, np.array([stops[0].footprint], dtype=object))[0]:
         here = open_.nearest(begin[0])
         gate = Stop(footprint=open_.cells[here].footprint, cell=None)
         first = int(order[0])
-        way = ways.around(here, first) if here != first else []
-        stops = [*([gate] if here != first else []), *way, *stops]
+        transits = finder.around(here, first) if here != first else []
+        stops = [*([gate] if here != first else []), *transits, *stops]
     if ends_at is not None:
         berth = ends_at.set.polygon
         if not shapely.dwithin(open_.water, berth, open_.cell_m):
             raise PlanError("A closed area cuts off the harbour.")
         home = open_.nearest(berth.centroid)
         last = int(order[-1])
-        way = ways.around(last, home) if last != home else []
-        stops = [*stops, *way, Stop(footprint=berth, cell=None)]
+        transits = finder.around(last, home) if last != home else []
+        stops = [*stops, *transits, Stop(footprint=berth, cell=None)]
     return stops
 
 

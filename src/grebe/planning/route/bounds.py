@@ -10,7 +10,7 @@ import shapely
 
 from grebe.core.kernels import machine_code
 from grebe.planning.cells.mesh import Cell
-from grebe.planning.ways.graph import Links, spanning_forest
+from grebe.planning.paths.graph import Links, spanning_forest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +36,7 @@ def lower_bound_m(
     forces delta - 1 diagonal steps. Leaving out the other cells makes no path longer.
 
     `around` holds paths around land that are longer than straight ones
-    (`grebe.planning.ways.detours`); only the ascent uses them.
+    (`grebe.planning.paths.detours`); only the ascent uses them.
     """
     if len(cells) < 2:
         return 0.0

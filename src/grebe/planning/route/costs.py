@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from grebe.core.kernels import inlined_machine_code, machine_code
-from grebe.planning.ways.graph import Links
-from grebe.planning.ways.network import Network
-from grebe.planning.ways.travel import BEARINGS, Travel
+from grebe.planning.paths.graph import Links
+from grebe.planning.paths.network import Network
+from grebe.planning.paths.travel import BEARINGS, Travel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -70,10 +70,10 @@ def costs_of(
     pitch_s = network.pitch_m * float(slowness.mean())
     links, is_open = _links(network)
     first = links.first
-    way = network.centres[links.neighbours] - network.centres[first]
-    winding = links.values / np.maximum(np.hypot(*way.T), 1e-9)
+    offsets = network.centres[links.neighbours] - network.centres[first]
+    winding = links.values / np.maximum(np.hypot(*offsets.T), 1e-9)
     gate_s = np.where(is_open, 0.0, GATE_PITCHES * pitch_s)
-    link_s = winding * travel.leg_s(way) + gate_s
+    link_s = winding * travel.leg_s(offsets) + gate_s
     nearest, nearest_s = _nearest(links, first, link_s)
     return Costs(
         places=np.vstack([network.centres, start]),
@@ -92,7 +92,7 @@ def costs_of(
 
 def _links(network: Network) -> tuple[Links, NDArray[np.bool_]]:
     """Lengths of the network's links and of the paths around land, and which of them are open."""
-    around, links = network.around, network.links(network.ways_m)
+    around, links = network.around, network.links(network.lengths_m)
     row = np.append(links.first, around.first)
     column = np.append(links.neighbours, around.neighbours)
     length = np.append(links.values, around.values)

@@ -14,8 +14,8 @@ import numpy as np
 
 from grebe.core.kernels import machine_code
 from grebe.planning.cells.mesh import Cell
-from grebe.planning.ways.graph import spanning_forest
-from grebe.planning.ways.network import Network
+from grebe.planning.paths.graph import spanning_forest
+from grebe.planning.paths.network import Network
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,11 +97,11 @@ def _walk(
             c = neighbours[s]
             if seen[c] or not is_open[s]:
                 continue
-            ways = 0
+            exits = 0
             for t in range(starts[c], starts[c + 1]):
-                ways += is_open[t] and not seen[neighbours[t]]
+                exits += is_open[t] and not seen[neighbours[t]]
             away = np.hypot(centres[c, 0] - centres[here, 0], centres[c, 1] - centres[here, 1])
-            score = away * (1.0 + 0.02 * ways)
+            score = away * (1.0 + 0.02 * exits)
             if score < best_score:
                 best, best_score = c, score
         if best < 0 and step + 1 < order.shape[0]:

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.plan_settings import Pattern
-from grebe.core.taut import ROUGHLY, TautWays
+from grebe.core.taut import ROUGHLY, TautPaths
 from grebe.planning.cells.mesh import Cell
+from grebe.planning.paths.network import Network
+from grebe.planning.paths.travel import Travel
 from grebe.planning.route.costs import Costs, costs_of, order_cost
 from grebe.planning.route.orders import greedy, spanning_tree_tour, sweeps
 from grebe.planning.route.polish import polished
-from grebe.planning.ways.network import Network
-from grebe.planning.ways.travel import Travel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,13 +77,13 @@ def best_route(
         order = rows if pattern == "rows" else columns
         legs_s = order_cost(costs, np.append(len(network), order))
         return Route(order=order, legs_s=float(legs_s), method=pattern)
-    ways = TautWays([cell.footprint for cell in cells])
+    paths = TautPaths([cell.footprint for cell in cells])
 
     def predicted_s(route: Route) -> float:
         """Time of the taut path through the cells, and of the paths around land besides."""
         places = costs.places[route.order]
         north, east = places[0].tolist()
-        taut = travel.path_s(ways.through((north, east), route.order, steady=ROUGHLY))
+        taut = travel.path_s(paths.through((north, east), route.order, steady=ROUGHLY))
         return taut + route.legs_s - float(np.sum(travel.leg_s(np.diff(places, axis=0))))
 
     tried = [

@@ -12,7 +12,7 @@ from grebe.core.dynamics import Weather, drive_power_w
 from grebe.core.errors import PlanError, UsageError
 from grebe.core.plan_settings import PlanSettings
 from grebe.core.vessel import Vessel
-from grebe.planning.ways.travel import WANDER, ground_speed
+from grebe.planning.paths.travel import WANDER, ground_speed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,19 +28,19 @@ LEAST_MPS = 0.05
 class Endurance:
     """How long a sortie may be.
 
-    `limit_s`: its longest time; `homeward`: the weight of a second of the path home against one of
-    the survey, since the path home may be against the weather, at a higher power; `slowest`: the
+    `limit_s`: its longest time; `weight_home`: the weight of a second of the path home against one
+    of the survey, since the path home may be against the weather, at a higher power; `slowest`: the
     slowness in the worst weather [s/m].
     """
 
     limit_s: float
-    homeward: float
+    weight_home: float
     slowest: float
 
-    def home_s(self, way_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Time that must be left of a sortie for a path home of length `way_m` [s]."""
-        worst = WANDER * self.slowest * way_m
-        return (1 + HOME_SHARE) * self.homeward * worst + HOME_SLACK_S
+    def home_s(self, path_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Time that must be left of a sortie for a path home of length `path_m` [s]."""
+        worst = WANDER * self.slowest * path_m
+        return (1 + HOME_SHARE) * self.weight_home * worst + HOME_SLACK_S
 
 
 def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endurance:
@@ -72,5 +72,5 @@ def endurance_of(vessel: Vessel, settings: PlanSettings, power_w: float) -> Endu
         # A path home is straight, and may take less power than a survey with its many turns.
         limits.append((lasts_s, power / power_w))
     limit_s = (1 - sorties.reserve) * min(one for one, _ in limits) / MARGIN
-    homeward = max(factor for _, factor in limits)
-    return Endurance(limit_s=limit_s, homeward=homeward, slowest=1 / worst)
+    weight_home = max(factor for _, factor in limits)
+    return Endurance(limit_s=limit_s, weight_home=weight_home, slowest=1 / worst)

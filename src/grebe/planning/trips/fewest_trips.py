@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grebe.core.errors import PlanError
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
+from grebe.planning.paths.travel import WANDER
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance
-from grebe.planning.trips.lake import Lake, ports_of
+from grebe.planning.trips.lake import Lake, depots_of
 from grebe.planning.trips.repaired_trips import predicted_trip_s, repaired
-from grebe.planning.trips.trip_times import Ports, shortest_stretch, trip_s
+from grebe.planning.trips.trip_times import Depots, shortest_stretch, trip_s
 from grebe.planning.trips.trips import HOT, WARM, improved_trips
 from grebe.planning.trips.wedges import wedges
-from grebe.planning.ways.travel import WANDER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -80,7 +80,7 @@ def trips_within(
     effort = _Effort(rounds, on_done)
     factor, trips, best = _factor(lake, endurance, effort), None, None
     for _ in range(FITTINGS):
-        search = _Search(lake, ports_of(lake, endurance, factor), rounds, effort)
+        search = _Search(lake, depots_of(lake, endurance, factor), rounds, effort)
         trips = search.fewer(search.first() if trips is None else search.fitted(trips))
         trips = search.repaired(trips, endurance.limit_s - HOME_SLACK_S)
         seconds = _predicted_s(lake, trips)
@@ -105,7 +105,7 @@ def check_reach(lake: Lake, endurance: Endurance) -> None:
     """Raise `PlanError` if a cell is too far from every harbour for any trip. This is known before
     the search for trips.
     """
-    _refuse_unreachable(lake, ports_of(lake, endurance, _first_factor(lake)))
+    _refuse_unreachable(lake, depots_of(lake, endurance, _first_factor(lake)))
 
 
 class _Effort:
@@ -127,8 +127,8 @@ def _factor(lake: Lake, endurance: Endurance, effort: _Effort) -> float:
     """The ratio of trips' times to those of their legs through the centres, due to turns and cut
     corners, estimated from trips after a short exchange.
     """
-    ports = ports_of(lake, endurance, _first_factor(lake))
-    trips = _Search(lake, ports, int(TRIAL_SHARE * effort.rounds), effort).first()
+    depots = depots_of(lake, endurance, _first_factor(lake))
+    trips = _Search(lake, depots, int(TRIAL_SHARE * effort.rounds), effort).first()
     return float(_predicted_s(lake, trips).sum()) / max(trips.legs_s, lake.pitch_s)
 
 
@@ -141,30 +141,30 @@ def _first_factor(lake: Lake) -> float:
         return WANDER
     north, east = centres[0].tolist()
     legs_s = float(lake.travel.leg_s(np.diff(centres, axis=0)).sum())
-    return lake.travel.path_s(taut_way((north, east), footprints)) / legs_s
+    return lake.travel.path_s(taut_path((north, east), footprints)) / legs_s
 
 
-def bound_s(lake: Lake, ports: Ports, trips: int = 1) -> float:
+def bound_s(lake: Lake, depots: Depots, trips: int = 1) -> float:
     """Return a lower bound [s] of the total time of trips through the centres of all cells.
 
     Each cell has a leg to it and one from it, no shorter than its two shortest legs; each trip has
     two legs at its harbour.
     """
-    out, back = ports.out.min(axis=0), ports.back.min(axis=0)
+    out, back = depots.out.min(axis=0), depots.back.min(axis=0)
     legs = np.column_stack([lake.costs.nearest_s[:, :2], np.minimum(out, back)])[lake.wanted]
     least = np.sort(legs, axis=1)[:, :2].sum()
     at_harbours = trips * (out[lake.wanted].min() + back[lake.wanted].min())
     return 0.5 * float(least + at_harbours)
 
 
-def _refuse_unreachable(lake: Lake, ports: Ports) -> None:
-    best = np.min(ports.out + np.maximum(ports.home, ports.back), axis=0)[lake.wanted]
-    if best.max() > ports.limit_s:
-        away = np.min([home.ways_m for home in lake.homes], axis=0)[lake.wanted].max()
+def _refuse_unreachable(lake: Lake, depots: Depots) -> None:
+    best = np.min(depots.out + np.maximum(depots.home, depots.back), axis=0)[lake.wanted]
+    if best.max() > depots.limit_s:
+        away = np.min([home.distances_m for home in lake.homes], axis=0)[lake.wanted].max()
         raise PlanError(
             f"The cell farthest from a harbour is {away:.0f} m away along the water, and no "
             "sortie gets there and back within its battery or minutes; give about "
-            f"{math.ceil(10.5 * best.max() / ports.limit_s) / 10:.1f} times as much, or another "
+            f"{math.ceil(10.5 * best.max() / depots.limit_s) / 10:.1f} times as much, or another "
             "harbour nearby.",
             settings=("sortie_battery_wh", "sortie_minutes", "harbours"),
         )
@@ -175,7 +175,7 @@ class _Search:
     """The search for the fewest trips within one limit."""
 
     lake: Lake
-    ports: Ports
+    depots: Depots
     rounds: int
     effort: _Effort
 
@@ -186,26 +186,26 @@ class _Search:
 
     def first(self) -> Trips:
         """Return trips that hold all cells, as few as a short exchange finds to be enough."""
-        _refuse_unreachable(self.lake, self.ports)
-        count = math.ceil(bound_s(self.lake, self.ports) / self.ports.limit_s)
+        _refuse_unreachable(self.lake, self.depots)
+        count = math.ceil(bound_s(self.lake, self.depots) / self.depots.limit_s)
         while count <= MOST_SORTIES:
-            orders, harbours = wedges(self.lake, self.ports, count)
-            orders = _all_trimmed(self.lake, self.ports, harbours, orders)
+            orders, harbours = wedges(self.lake, self.depots, count)
+            orders = _all_trimmed(self.lake, self.depots, harbours, orders)
             absent = self._exchanged(orders, harbours, TRIAL_SHARE, HOT)[1]
             if len(absent) <= MOST_ABSENT_SHARE * self.lake.wanted.sum():
                 return self._with_all(orders, harbours, 1.0, HOT)
-            count += max(1, int(0.5 * len(absent) * self.ports.pitch_s / self.ports.limit_s))
+            count += max(1, int(0.5 * len(absent) * self.depots.pitch_s / self.depots.limit_s))
         raise _too_many()
 
     def fitted(self, trips: Trips) -> Trips:
         """Return trips of another limit, made to fit this one."""
-        _refuse_unreachable(self.lake, self.ports)
-        orders = _all_trimmed(self.lake, self.ports, trips.harbours, trips.orders)
+        _refuse_unreachable(self.lake, self.depots)
+        orders = _all_trimmed(self.lake, self.depots, trips.harbours, trips.orders)
         return self._with_all(orders, trips.harbours, *self._again)
 
     def fewer(self, trips: Trips) -> Trips:
         """Dissolve the shortest trip for as long as the others can take its cells."""
-        while trips.legs_s <= FULLEST * self.ports.limit_s * (len(trips.orders) - 1):
+        while trips.legs_s <= FULLEST * self.depots.limit_s * (len(trips.orders) - 1):
             shortest = int(np.argmin(self._seconds(trips.orders, trips.harbours)))
             orders = [order for i, order in enumerate(trips.orders) if i != shortest]
             harbours = np.delete(trips.harbours, shortest)
@@ -219,7 +219,7 @@ class _Search:
         """Return the trips with cells moved so that each is predicted to keep a limit, or unchanged
         if that fails.
         """
-        orders = repaired(self.lake, self.ports, trips.orders, trips.harbours, limit_s)
+        orders = repaired(self.lake, self.depots, trips.orders, trips.harbours, limit_s)
         return trips if orders is None else self._trips(orders, trips.harbours)
 
     def _with_all(
@@ -230,7 +230,7 @@ class _Search:
             orders, absent = self._exchanged(orders, harbours, share, hot)
             if not len(absent):
                 return self._trips(orders, harbours)
-            nearest = np.argmin(self.ports.out[:, absent], axis=0)
+            nearest = np.argmin(self.depots.out[:, absent], axis=0)
             harbours = np.append(harbours, np.bincount(nearest).argmax())
             orders = [*orders, np.zeros(0, dtype=np.int64)]
             share, hot = self._again
@@ -240,13 +240,13 @@ class _Search:
         self, orders: list[Order], harbours: NDArray[np.int64], share: float, hot: float
     ) -> tuple[list[Order], Order]:
         rounds = max(LEAST_EACH * int(self.lake.wanted.sum()), int(share * self.rounds))
-        found = improved_trips(self.lake.costs, self.ports, orders, harbours, rounds, hot)
+        found = improved_trips(self.lake.costs, self.depots, orders, harbours, rounds, hot)
         self.effort.spend(rounds)
         return found
 
     def _seconds(self, orders: Sequence[Order], harbours: NDArray[np.int64]) -> list[float]:
         return [
-            trip_s(self.lake.costs, self.ports, int(h), order, len(order))
+            trip_s(self.lake.costs, self.depots, int(h), order, len(order))
             for h, order in zip(harbours, orders, strict=True)
         ]
 
@@ -257,8 +257,8 @@ class _Search:
             orders=tuple(orders),
             harbours=harbours,
             legs_s=float(sum(self._seconds(orders, harbours))),
-            bound_s=bound_s(self.lake, self.ports, len(orders)),
-            limit_s=self.ports.limit_s,
+            bound_s=bound_s(self.lake, self.depots, len(orders)),
+            limit_s=self.depots.limit_s,
         )
 
 
@@ -270,12 +270,12 @@ def _too_many() -> PlanError:
 
 
 def _all_trimmed(
-    lake: Lake, ports: Ports, harbours: NDArray[np.int64], orders: Sequence[Order]
+    lake: Lake, depots: Depots, harbours: NDArray[np.int64], orders: Sequence[Order]
 ) -> list[Order]:
     """Trips without the shortest stretch whose removal brings each within the limit."""
     kept: list[Order] = []
     for h, order in zip(harbours, orders, strict=True):
-        first, last = shortest_stretch(lake.costs, ports, int(h), order)
+        first, last = shortest_stretch(lake.costs, depots, int(h), order)
         kept.append(np.concatenate([order[:first], order[last:]]))
     return kept
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from grebe.planning.paths.corridors import PathFinder
+from grebe.planning.paths.harbour_distances import HarbourDistances, harbour_distances
+from grebe.planning.paths.travel import Travel
 from grebe.planning.planner import Draft, Planner
 from grebe.planning.route.costs import Costs, costs_of
 from grebe.planning.route.portfolio import Route
 from grebe.planning.trips.endurance import HOME_SLACK_S, Endurance
-from grebe.planning.trips.trip_times import Ports
-from grebe.planning.ways.corridors import Waterways
-from grebe.planning.ways.travel import Travel
-from grebe.planning.ways.ways_home import WaysHome, ways_home
+from grebe.planning.trips.trip_times import Depots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,8 +34,8 @@ class Lake:
 
     planner: Planner
     draft: Draft
-    ways: Waterways
-    homes: tuple[WaysHome, ...]
+    finder: PathFinder
+    homes: tuple[HarbourDistances, ...]
     costs: Costs
     wanted: NDArray[np.bool_]
 
@@ -56,9 +56,9 @@ class Lake:
         sign = 1.0 if outwards else -1.0
         rows: list[NDArray[np.float64]] = []
         for home in self.homes:
-            way = sign * (self.draft.network.centres - np.array(home.place))
-            straight = np.maximum(np.hypot(*way.T), 1e-9)
-            rows.append(home.ways_m * self.travel.leg_s(way) / straight)
+            offsets = sign * (self.draft.network.centres - np.array(home.place))
+            straight = np.maximum(np.hypot(*offsets.T), 1e-9)
+            rows.append(home.distances_m * self.travel.leg_s(offsets) / straight)
         return np.array(rows)
 
     def part(self, order: NDArray[np.int64]) -> Lake:
@@ -69,7 +69,7 @@ class Lake:
         return replace(self, draft=replace(self.draft, route=route), wanted=wanted)
 
 
-def lake_seen_by(planner: Planner, lake: Lake, homes: tuple[WaysHome, ...]) -> Lake:
+def lake_for_boat(planner: Planner, lake: Lake, homes: tuple[HarbourDistances, ...]) -> Lake:
     """Return the lake for another boat: with that boat's costs of legs, and with its harbours."""
     costs = costs_of(lake.draft.network, planner.travel, homes[0].place, returns=True)
     return replace(lake, planner=planner, homes=homes, costs=costs)
@@ -79,25 +79,25 @@ def lake_of(planner: Planner, draft: Draft, places: Sequence[tuple[float, float]
     """Measure the paths from each place to the cells; each place is moved into its nearest cell."""
     cells, network = draft.cells, draft.network
     shapes = np.array([cell.footprint for cell in cells], dtype=object)
-    homes: list[WaysHome] = []
+    homes: list[HarbourDistances] = []
     for place in places:
         point = shapely.Point(place)
         cell = int(np.argmin(shapely.distance(shapes, point)))
         inner = shapes[cell].buffer(-0.1)
         inside = inner if not inner.is_empty else shapely.centroid(shapes[cell])
         north, east = shapely.get_coordinates(shapely.shortest_line(inside, point))[0].tolist()
-        homes.append(ways_home(network, planner.water, (north, east), cell))
+        homes.append(harbour_distances(network, planner.water, (north, east), cell))
     return Lake(
         planner=planner,
         draft=draft,
-        ways=Waterways(cells, network, planner.water, draft.cell_m),
+        finder=PathFinder(cells, network, planner.water, draft.cell_m),
         homes=tuple(homes),
         costs=costs_of(network, planner.travel, homes[0].place, returns=True),
         wanted=np.array([not cell.is_speck for cell in cells]),
     )
 
 
-def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
+def depots_of(lake: Lake, endurance: Endurance, factor: float) -> Depots:
     """Collect the input of the exchange, for trips that take `factor` times their legs' time."""
     centres = lake.draft.network.centres
     members = np.flatnonzero(lake.wanted)
@@ -110,11 +110,11 @@ def ports_of(lake: Lake, endurance: Endurance, factor: float) -> Ports:
         beside[members, : many - 1] = members[np.asarray(near)[:, 1:]]
     else:
         beside[members, 0] = members
-    ways_m = np.array([home.ways_m for home in lake.homes])
-    return Ports(
+    distances_m = np.array([home.distances_m for home in lake.homes])
+    return Depots(
         out=lake.seconds(outwards=True),
         back=lake.seconds(outwards=False),
-        home=endurance.home_s(ways_m) / factor,
+        home=endurance.home_s(distances_m) / factor,
         beside=beside,
         limit_s=(endurance.limit_s - HOME_SLACK_S) / factor,
         pitch_s=lake.pitch_s,

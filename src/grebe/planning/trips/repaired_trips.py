@@ -14,11 +14,11 @@ import numpy as np
 import shapely
 
 from grebe.core.sets import drawn_in, rings_of
-from grebe.core.taut import taut_way
+from grebe.core.taut import taut_path
+from grebe.planning.paths.corridors import Stop
+from grebe.planning.paths.travel import WANDER
 from grebe.planning.trips.lake import Lake
-from grebe.planning.trips.trip_times import Ports, shortest_stretch, trip_s
-from grebe.planning.ways.corridors import Stop
-from grebe.planning.ways.travel import WANDER
+from grebe.planning.trips.trip_times import Depots, shortest_stretch, trip_s
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,10 +35,10 @@ def predicted_trip_s(lake: Lake, harbour: int, order: Order) -> float:
     """Predicted time of a trip [s]: of its taut path, and of the path home."""
     if not len(order):
         return 0.0
-    footprints = [_hit(lake, stop) for stop in lake.ways.stops(order)]
-    way = taut_way(lake.homes[harbour].place, footprints)
-    home_m = float(lake.homes[harbour].ways_m[order[-1]])
-    return lake.travel.path_s(way) + WANDER * home_m * float(np.mean(lake.travel.slowness))
+    footprints = [_hit(lake, stop) for stop in lake.finder.stops(order)]
+    path = taut_path(lake.homes[harbour].place, footprints)
+    home_m = float(lake.homes[harbour].distances_m[order[-1]])
+    return lake.travel.path_s(path) + WANDER * home_m * float(np.mean(lake.travel.slowness))
 
 
 def _hit(lake: Lake, stop: Stop) -> shapely.Polygon:
@@ -50,7 +50,7 @@ def _hit(lake: Lake, stop: Stop) -> shapely.Polygon:
 
 
 def repaired(
-    lake: Lake, ports: Ports, orders: Sequence[Order], harbours: NDArray[np.int64], limit_s: float
+    lake: Lake, depots: Depots, orders: Sequence[Order], harbours: NDArray[np.int64], limit_s: float
 ) -> list[Order] | None:
     """Return the trips with cells moved until each is predicted to keep the limit, or None if that
     fails.
@@ -63,7 +63,7 @@ def repaired(
         worst = int(np.argmax(seconds))
         if seconds[worst] <= limit_s:
             return found
-        change = _change(lake, ports, found, harbours, seconds, limit_s)
+        change = _change(lake, depots, found, harbours, seconds, limit_s)
         if change is None:
             return None
         other, shorter, longer, shorter_s, longer_s = change
@@ -73,7 +73,7 @@ def repaired(
 
 
 def _change(
-    lake: Lake, ports: Ports, orders: Sequence[Order], harbours: NDArray[np.int64],
+    lake: Lake, depots: Depots, orders: Sequence[Order], harbours: NDArray[np.int64],
     seconds: Sequence[float], limit_s: float,
 ) -> tuple[int, Order, Order, float, float] | None:  # fmt: skip
     """The move of a cell from the longest trip to another with room, or None.
@@ -83,11 +83,11 @@ def _change(
     """
     worst = int(np.argmax(seconds))
     room_s = [limit_s - spent for spent in seconds]
-    for _, k, other, at in _cheapest(lake, ports, orders, harbours, room_s)[:TRIED]:
+    for _, k, other, at in _cheapest(lake, depots, orders, harbours, room_s)[:TRIED]:
         longer = np.insert(orders[other], at, orders[worst][k])
         home = int(harbours[other])
         longer_s = predicted_trip_s(lake, home, longer)
-        if longer_s > limit_s or shortest_stretch(lake.costs, ports, home, longer) != (0, 0):
+        if longer_s > limit_s or shortest_stretch(lake.costs, depots, home, longer) != (0, 0):
             continue
         shorter = np.delete(orders[worst], k)
         shorter_s = predicted_trip_s(lake, int(harbours[worst]), shorter)
@@ -97,7 +97,7 @@ def _change(
 
 
 def _cheapest(
-    lake: Lake, ports: Ports, orders: Sequence[Order], harbours: NDArray[np.int64],
+    lake: Lake, depots: Depots, orders: Sequence[Order], harbours: NDArray[np.int64],
     room_s: Sequence[float],
 ) -> list[tuple[float, int, int, int]]:  # fmt: skip
     """The moves of each cell of the longest trip to each other trip with room, the cheapest first:
@@ -106,7 +106,7 @@ def _cheapest(
     worst = int(np.argmin(room_s))
 
     def legs_s(i: int, order: Order) -> float:
-        return trip_s(lake.costs, ports, int(harbours[i]), order, len(order))
+        return trip_s(lake.costs, depots, int(harbours[i]), order, len(order))
 
     own_s = [legs_s(i, order) for i, order in enumerate(orders)]
     costs: list[tuple[float, int, int, int]] = []

@@ -30,7 +30,7 @@ def trip_surveys(lake: Lake, trips: Trips, bound_m: float) -> list[Survey]:
     all cells of the lake.
     """
     return [
-        lake.planner.survey(_draft_of(lake, harbour, order), lake.ways, bound_m)
+        lake.planner.survey(_draft_of(lake, harbour, order), lake.finder, bound_m)
         for harbour, order in zip(trips.harbours.tolist(), trips.orders, strict=True)
     ]
 

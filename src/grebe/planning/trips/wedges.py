@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from grebe.planning.paths.harbour_distances import around_the_harbour
 from grebe.planning.route.costs import costs_of
 from grebe.planning.route.polish import polished
 from grebe.planning.trips.lake import Lake
-from grebe.planning.trips.trip_times import Ports
-from grebe.planning.ways.ways_home import around_the_harbour
+from grebe.planning.trips.trip_times import Depots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 KICKS = 300
 
 
-def wedges(lake: Lake, ports: Ports, count: int) -> tuple[list[Order], NDArray[np.int64]]:
+def wedges(lake: Lake, depots: Depots, count: int) -> tuple[list[Order], NDArray[np.int64]]:
     """Return `count` trips and their harbours: wedges of about equal time around each harbour."""
-    nearest = np.argmin(ports.out, axis=0)
+    nearest = np.argmin(depots.out, axis=0)
     members = [lake.wanted & (nearest == h) for h in range(len(lake.homes))]
     sizes = np.array([one.sum() for one in members])
     orders: list[Order] = []
@@ -35,7 +35,7 @@ def wedges(lake: Lake, ports: Ports, count: int) -> tuple[list[Order], NDArray[n
     for h, parts in enumerate(_shared(sizes, count)):
         walk = around_the_harbour(lake.draft.network, lake.homes[h], members[h])
         costs = costs_of(lake.draft.network, lake.travel, lake.homes[h].place, returns=True)
-        for part in _even_stretches(walk, ports.out[h], lake.pitch_s, parts):
+        for part in _even_stretches(walk, depots.out[h], lake.pitch_s, parts):
             orders.append(polished(costs, part, KICKS)[0] if len(part) > 1 else part)
             harbours.append(h)
     return orders, np.array(harbours, dtype=np.int64)

@@ -38,7 +38,9 @@ def compile_quadratic() -> None:
 def compile_horizon() -> None:
     """Compile the kernels of a horizon: the model's derivatives, the cost and the step."""
     inner, outer = types.Array(_NUMBER, 4, "C"), _STAGES
-    shooting = _named(sqp.Shooting, sens=_STAGES, gap=_ROWS, points=inner, slopes=outer, jacs=inner)
+    shooting = _named(
+        sqp.Shooting, sens=_STAGES, gap=_ROWS, stage_sens=inner, stage_states=outer, jacs=inner
+    )
     terms, states = _terms(), _ROWS
     inputs = costate = dx = dw = grad = _ROWS
     hess = gain = _STAGES

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grebe.core.copies import put
+from grebe.core.copies import copy_vector
 from grebe.core.eights import WIDTH, eight, loaded, stored, sum_of_four, sum_of_six
 from grebe.core.kernels import inlined_machine_code, machine_code, part_of_kernels
 from grebe.core.motion import (
@@ -105,7 +105,7 @@ def curvature(p, psi, u, v, r, mu, hess):
 
 
 @inlined_machine_code
-def _sensed(row, f, duration, psi, u, v, r):
+def _sensitivity(row, f, duration, psi, u, v, r):
     """Sensitivity to p of an element f of the right-hand side, times the duration.
 
     `row` is its row of the Jacobian; `psi`, `u`, `v`, `r` are the sensitivities of the point.
@@ -116,17 +116,17 @@ def _sensed(row, f, duration, psi, u, v, r):
 
 
 @machine_code
-def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs):
+def linearise(p, z, thrusts, duration, substeps, out, sens, stage_sens, stage_states, jacs):
     """Integrate one stage and its sensitivities.
 
     `out` (6,) is the next state, `sens` (6, 8) its derivative in p and a column of zeros. The rest
-    is for `second_order`: `points` (evals, 4, 8) are the sensitivities of (psi, u, v, r) at the
-    points where f was evaluated, `slopes` (evals, 4) the values of these four, and `jacs`
+    is for `second_order`: `stage_sens` (evals, 4, 8) are the sensitivities of (psi, u, v, r) at the
+    points where f was evaluated, `stage_states` (evals, 4) the values of these four, and `jacs`
     (evals, 6, 8) the Jacobians there.
     """
     h = 1.0 / substeps
     f, point, total = np.empty(6), np.empty(6), np.empty(6)
-    put(out, z)
+    copy_vector(out, z)
     none = eight(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     of_x = of_y = none
     of_psi = eight(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -135,28 +135,28 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
     of_r = eight(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
     index = 0
     for _ in range(substeps):
-        put(point, out)
+        copy_vector(point, out)
         psi, u, v, r = of_psi, of_u, of_v, of_r
         sum_x = sum_y = sum_psi = sum_u = sum_v = sum_r = none
         total[:] = 0.0
         for stage in range(4):
-            jac, place = jacs[index], points[index]
+            jac, sensitivities = jacs[index], stage_sens[index]
             evaluate(p, point[2], point[3], point[4], point[5], thrusts[0], thrusts[1], f, jac)
             for i in range(4):
-                slopes[index, i] = point[2 + i]
-            stored(psi, place, 0, 0)
-            stored(u, place, 1, 0)
-            stored(v, place, 2, 0)
-            stored(r, place, 3, 0)
+                stage_states[index, i] = point[2 + i]
+            stored(psi, sensitivities, 0, 0)
+            stored(u, sensitivities, 1, 0)
+            stored(v, sensitivities, 2, 0)
+            stored(r, sensitivities, 3, 0)
             index += 1
             weight = 2.0 if stage in (1, 2) else 1.0
             lead = h if stage == 2 else 0.5 * h
-            d_psi = _sensed(jac[2], f[2], duration, psi, u, v, r)
-            d_u = _sensed(jac[3], f[3], duration, psi, u, v, r)
-            d_v = _sensed(jac[4], f[4], duration, psi, u, v, r)
-            d_r = _sensed(jac[5], f[5], duration, psi, u, v, r)
-            sum_x = sum_x + weight * _sensed(jac[0], f[0], duration, psi, u, v, r)
-            sum_y = sum_y + weight * _sensed(jac[1], f[1], duration, psi, u, v, r)
+            d_psi = _sensitivity(jac[2], f[2], duration, psi, u, v, r)
+            d_u = _sensitivity(jac[3], f[3], duration, psi, u, v, r)
+            d_v = _sensitivity(jac[4], f[4], duration, psi, u, v, r)
+            d_r = _sensitivity(jac[5], f[5], duration, psi, u, v, r)
+            sum_x = sum_x + weight * _sensitivity(jac[0], f[0], duration, psi, u, v, r)
+            sum_y = sum_y + weight * _sensitivity(jac[1], f[1], duration, psi, u, v, r)
             sum_psi, sum_u = sum_psi + weight * d_psi, sum_u + weight * d_u
             sum_v, sum_r = sum_v + weight * d_v, sum_r + weight * d_r
             psi, u = of_psi + lead * d_psi, of_u + lead * d_u
@@ -179,7 +179,7 @@ def linearise(p, z, thrusts, duration, substeps, out, sens, points, slopes, jacs
 
 
 @machine_code
-def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
+def second_order(p, costate, duration, substeps, stage_sens, stage_states, jacs, hess):
     """Compute the Hessian `hess` (7, 8) of costate * (next state) in p, in place.
 
     It is found by the discrete adjoint of RK4; its last column is zero. Each evaluation of f
@@ -205,7 +205,7 @@ def second_order(p, costate, duration, substeps, points, slopes, jacs, hess):
                 lead = h if stage == 2 else 0.5 * h
                 for i in range(4):
                     bar[2 + i] += lead * duration * back[stage + 1, i]
-            jac, s, point = jacs[index], slopes[index], points[index]
+            jac, s, point = jacs[index], stage_states[index], stage_sens[index]
             pulled = sum_of_six(jac, bar[0], bar[1], bar[2], bar[3], bar[4], bar[5])
             stored(pulled, back, stage, 0)
             curvature(p, s[0], s[1], s[2], s[3], bar, curve)

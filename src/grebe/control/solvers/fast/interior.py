@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from grebe.control.solvers.fast.riccati import NW, NX, NY, ROW, factorise, solve
-from grebe.core.copies import put, put_rows
+from grebe.core.copies import copy_matrix, copy_vector
 from grebe.core.eights import WIDTH
 from grebe.core.kernels import inlined_machine_code, part_of_kernels
 
@@ -244,9 +244,9 @@ def _assemble(
             end_grad[0], end_grad[1], end_grad[3] = x, y, u
             break
         if corrector == 0:
-            put_rows(full[k], hess[k])
+            copy_matrix(full[k], hess[k])
             _add_curvature(full[k], xx, yx, yy, ux, uy, uu)
-        put(full_grad[k], grad[k])
+        copy_vector(full_grad[k], grad[k])
         full_grad[k, 0] += x
         full_grad[k, 1] += y
         full_grad[k, 3] += u

@@ -20,7 +20,7 @@ import numpy as np
 from grebe.control.solvers.fast.derivatives import linearise, second_order
 from grebe.control.solvers.fast.interior import minimise, start_box, start_rows
 from grebe.control.solvers.fast.riccati import NW, NX, NY, PLACE, ROW
-from grebe.core.copies import put, put_rows
+from grebe.core.copies import copy_matrix, copy_vector
 from grebe.core.eights import WIDTH
 from grebe.core.kernels import machine_code, part_of_kernels
 from grebe.core.motion import advance
@@ -79,8 +79,8 @@ class Shooting(NamedTuple):
 
     sens: NDArray[np.float64]
     gap: NDArray[np.float64]
-    points: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    stage_sens: NDArray[np.float64]
+    stage_states: NDArray[np.float64]
     jacs: NDArray[np.float64]
 
 
@@ -141,7 +141,7 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             # The step is too small for the penalty function to resolve.
             states += dx
             inputs += dw
-            put_rows(costate, new_costate)
+            copy_matrix(costate, new_costate)
             return CONVERGED, iteration + 1, _cost(terms, states, inputs)
         penalty = max(1.1 * np.max(np.abs(new_costate[1:])), 0.5 * penalty)
         cost, gaps = _cost(terms, states, inputs), np.sum(np.abs(shooting.gap))
@@ -160,8 +160,8 @@ def optimise(terms, states, inputs, costate, most_iterations, tolerance):
             step = np.inf
             continue
         damping = _eased(damping, alpha)
-        put_rows(states, trial_x)
-        put_rows(inputs, trial_w)
+        copy_matrix(states, trial_x)
+        copy_matrix(inputs, trial_w)
         costate += alpha * (new_costate - costate)
         idle = np.max(history) - np.min(history) < IDLE * abs(history[0])
         small = step < tolerance or _next_is_negligible(before, step, tolerance)
@@ -185,8 +185,8 @@ def unfinished(terms, gain, states, inputs, first, iterations):
     cost = _cost(terms, driven_x, driven_w)
     if not cost <= first:
         return FAILED, iterations, cost
-    put_rows(states, driven_x)
-    put_rows(inputs, driven_w)
+    copy_matrix(states, driven_x)
+    copy_matrix(inputs, driven_w)
     return FEASIBLE, iterations, cost
 
 
@@ -202,7 +202,7 @@ def shoot(terms, states, inputs, shooting):
     for k in range(inputs.shape[0]):
         linearise(
             terms.p, states[k], inputs[k], _duration(terms, inputs, k), terms.substeps, following,
-            shooting.sens[k], shooting.points[k], shooting.slopes[k], shooting.jacs[k],
+            shooting.sens[k], shooting.stage_sens[k], shooting.stage_states[k], shooting.jacs[k],
         )  # fmt: skip
         for i in range(NX):
             shooting.gap[k, i] = following[i] - states[k + 1, i]
@@ -229,12 +229,12 @@ def search(
     The straight step is tried first. If the boat turns fast, its small gaps in the dynamics grow
     without bound along the horizon. Then the step is driven, with the problem's feedback gains.
     """
-    ways = 2 if closed else 1
-    for driven in range(ways):
+    rollouts = 2 if closed else 1
+    for driven in range(rollouts):
         alpha = 1.0
         for _ in range(HALVINGS):
-            put_rows(trial_x, states + alpha * dx)
-            put_rows(trial_w, inputs + alpha * dw)
+            copy_matrix(trial_x, states + alpha * dx)
+            copy_matrix(trial_w, inputs + alpha * dw)
             if driven:
                 _drive(terms, gain, trial_x, trial_w)
             trial = _cost(terms, trial_x, trial_w) + penalty * _gaps(terms, trial_x, trial_w)
@@ -299,7 +299,7 @@ def quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess,
         if curved:
             second_order(
                 terms.p, costate[k + 1], _duration(terms, inputs, k), terms.substeps,
-                shooting.points[k], shooting.slopes[k], shooting.jacs[k], curve,
+                shooting.stage_sens[k], shooting.stage_states[k], shooting.jacs[k], curve,
             )  # fmt: skip
             for i in range(7):
                 curve[i, 6] *= span
@@ -310,8 +310,8 @@ def quadratic(terms, inputs, costate, shooting, damping, curved, mirrored, hess,
                 curve[:] = 0.0
             elif mirrored:
                 values, vectors = np.linalg.eigh(curve[:, :7].copy())
-                put_rows(curve[:, :7], (vectors * np.abs(values)) @ vectors.T)
-            put_rows(hess[k, PLACE:, PLACE:], curve)
+                copy_matrix(curve[:, :7], (vectors * np.abs(values)) @ vectors.T)
+            copy_matrix(hess[k, PLACE:, PLACE:], curve)
         duration, power = _duration(terms, inputs, k), terms.effort[1, k]
         effort, squares = terms.effort[0, k] + power * duration, 0.0
         for i in range(2):
@@ -371,8 +371,8 @@ def _promise(hess, dx, dw, gap, penalty):
     total = 0.0
     y = np.empty(NY)
     for k in range(dw.shape[0]):
-        put(y[:NX], dx[k])
-        put(y[NX:], dw[k])
+        copy_vector(y[:NX], dx[k])
+        copy_vector(y[NX:], dw[k])
         for i in range(NX):
             total -= penalty * abs(gap[k, i])
         for i in range(NY):
