@@ -7,10 +7,13 @@ from pathlib import Path
 import netCDF4
 import pytest
 from click.testing import CliRunner
-from conftest import CHINA, needs_tracks
+from conftest import CHINA, needs_tracks, square_survey
 
 from grebe.cli.main import grebe
+from grebe.core.errors import IncompleteError
+from grebe.io.store import SurveyFile
 from grebe.report.texts import texts_of
+from grebe.workflow.files import write_survey
 
 
 def run(*words: object) -> str:
@@ -78,7 +81,25 @@ def test_what_is_simulated_is_said_to_be(
         assert maps.title.startswith("Simulated water of")
         assert "a simulated boat" in maps.summary
     run("report", file, "-o", page, "--resolution", "4")
-    assert "This survey was simulated: nothing was measured." in page.read_text()
+    text = page.read_text()
+    # At the top, before any number, and in the paragraph for a paper.
+    assert text.count("This survey was simulated: nothing was measured.") == 2
+    assert text.index("This survey was simulated") < text.index("were mapped over")
+    assert "The survey is not complete" not in text
+
+
+def test_a_survey_that_was_broken_off_is_said_to_be_incomplete(tmp_path: Path) -> None:
+    file, page = tmp_path / "s.gpkg", tmp_path / "page.html"
+    write_survey(file, square_survey(100.0, 25.0))
+    words = ["run", str(file), "--max-minutes", "2"]
+    assert isinstance(CliRunner().invoke(grebe, words).exception, IncompleteError)
+    with SurveyFile.open(file) as half:
+        reached = half.progress().reached
+    assert 0 < reached < 16
+    run("report", file, "-o", page, "--resolution", "4")
+    assert f"The survey is not complete: {reached} of 16 target sets" in page.read_text()
+    run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")
+    assert f"La campagne n&#39;est pas complète : {reached} des 16" in page.read_text()
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ FLAGS = {
     "method": "--method",
     "home": "--home",
     "until_sd": "--until-sd",
+    "link": "--link",
     "live": "--live",
     "certificate": "--certificate",
     "password_file": "--password-file",

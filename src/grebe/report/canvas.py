@@ -144,6 +144,13 @@ def finish_map(
     _draw_scale(axes)
 
 
+def title_above(figure: Figure, text: str) -> None:
+    """Write a title above all that a figure holds: the layout knows nothing of the band above a
+    map, and would let the title of a tall lake touch that of its map.
+    """
+    figure.suptitle(text, x=0.01, y=1.0, ha="left", va="bottom")
+
+
 def legend_below(axes: Axes) -> None:
     """Add a legend below the map and its axis labels."""
     handles, labels = axes.get_legend_handles_labels()

@@ -61,6 +61,7 @@ def render(
         survey=data.survey,
         t=texts,
         finding=_finding(data, texts),
+        cautions=_cautions(data, texts),
         left_out=[left_out_in(one, data.quantities, texts) for one in data.left_out],
         alerts=_alerts(concerns, texts),
         facts=_facts(data, texts),
@@ -119,6 +120,15 @@ def _finding(data: ReportData, t: Texts) -> str:
         where=t["within_hull"] if data.is_of_track else "",
         samples=t.number(f"{len(data.samples):,}"),
     )
+
+
+def _cautions(data: ReportData, t: Texts) -> list[str]:
+    """What a reader must know before any number: that nothing was measured, or not everywhere."""
+    targets, reached = len(data.survey.targets), data.progress.reached
+    cautions = [t["simulated"]] if data.is_simulated else []
+    if reached < targets and len(data.samples):
+        cautions.append(t("incomplete", reached=reached, targets=targets, cells=data.unsampled))
+    return cautions
 
 
 def _concerns(data: ReportData, profile: Profile) -> list[Concern]:
