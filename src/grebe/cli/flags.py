@@ -12,6 +12,8 @@ FLAGS = {
     "battery_wh": "--battery-wh",
     "cell_m": "--cell",
     "clock_offset_s": "--clock-offset",
+    "crs": "--crs",
+    "islands": "--islands",
     "coast_tolerance_m": "--coast-tolerance",
     "columns": "--column",
     "core": "--core",

@@ -70,9 +70,8 @@ def run_survey(
     of the boat are known. `listeners` receive the events; `on_ready` gets the mission before it
     begins, to stop it or call it home. `instruments` are sondes apart from the boat, which the
     caller closes; the file declares their quantities. `force` discards a recorded mission only once
-    all that the new one needs is there. Raises what `prepare` raises, and `SurveyFileError` if
-    simulated and measured readings would be mixed; a link that fails on the way is in the report
-    instead.
+    all that the new one needs is there. Raises what `prepare` and `refuse_other_water` raise; a
+    link that fails on the way is in the report instead.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     departure = spent_as_said(departure, settings)
