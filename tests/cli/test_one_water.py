@@ -1,5 +1,7 @@
 """Simulated and measured readings never share a file."""
 
+from datetime import UTC, datetime
+
 import pytest
 from click.testing import CliRunner
 from conftest import square_survey
@@ -9,7 +11,9 @@ from grebe.cli.main import grebe
 from grebe.core.errors import InputError, SurveyFileError
 from grebe.core.survey import is_simulated
 from grebe.io.store import SurveyFile
+from grebe.links.checks import Verdict
 from grebe.workflow.differences import sailed as opened
+from grebe.workflow.doctor import diagnose
 from grebe.workflow.files import write_survey
 
 MINE = '''
@@ -70,6 +74,19 @@ def test_a_simulated_boat_does_not_go_on_with_a_real_mission(sailed):
     assert isinstance(done.exception, SurveyFileError), done.output
     assert "real water" in str(done.exception)
     assert held(path) == before
+
+
+def test_the_doctor_says_that_a_survey_was_rehearsed(sailed):
+    by, mine = sailed
+
+    def verdict(path):
+        found = {one.what: one.verdict for one in diagnose(None, path, datetime.now(UTC))}
+        return found["readings"]
+
+    path = by()
+    assert verdict(path) is Verdict.DOUBTFUL
+    run("run", path, "--force", "--max-minutes", 1, "--link", mine)
+    assert verdict(path) is Verdict.GOOD
 
 
 def test_starting_again_discards_the_rehearsal(sailed):

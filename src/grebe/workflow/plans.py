@@ -11,6 +11,7 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
+from grebe.core.plausible import doubts_about
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.revision import PlanRevision
 from grebe.core.survey import Survey
@@ -171,6 +172,9 @@ def plan_warnings(survey: Survey) -> list[str]:
             f"the window goes up to {fastest:g} m/s, but {vessel.name} reaches only "
             f"{vessel.speed_max_mps:.2f} m/s at full thrust"
         )
+    boats = range(1, survey.fleet.boats + 1) if survey.fleet else (1,)
+    vessels = dict.fromkeys(survey.vessel_of(boat) for boat in boats)
+    warnings += [text for one in vessels if one is not None for text in doubts_about(one)]
     return warnings
 
 
