@@ -65,6 +65,21 @@ def test_one_quantity_is_told_as_one(tmp_path: Path) -> None:
     assert "Un paramètre de l&#39;eau de surface a été cartographié" in page.read_text()
 
 
+def test_readings_of_two_days_are_said_to_be_of_two(tmp_path: Path) -> None:
+    rows = [
+        f"{1_600_000_000 + 200_000 * (k // 100) + k},{44.4 + 1e-5 * (k % 20):.5f},"
+        f"{-69.6 + 1e-5 * (k // 20):.5f},{20 + 0.01 * (k % 20) + 0.003 * (k // 20):.3f}"
+        for k in range(200)
+    ]
+    track, file, page = tmp_path / "two.csv", tmp_path / "two.gpkg", tmp_path / "two.html"
+    track.write_text("\n".join(["time,latitude,longitude,Temp (C)", *rows]))
+    run("import", track, "-o", file)
+    run("report", file, "-o", page, "--resolution", "4")
+    assert "are of 2 outings, with a pause of up to 2.3 days" in page.read_text()
+    run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")
+    assert "viennent de 2 sorties, séparées de 2,3 jours" in page.read_text()
+
+
 @needs_tracks
 def test_no_shore_is_known_of_a_track(china: Path, tmp_path: Path) -> None:
     words = ["map", str(china), "--out", str(tmp_path / "m"), "--shore-depth-sd", "0.5"]

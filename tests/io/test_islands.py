@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from conftest import square_survey
 from pyproj import Transformer
 
 from grebe.core.errors import InputError, RegionError
 from grebe.io.readers.outline import read_outline
 from grebe.planning.region import clean_region
+from grebe.workflow.files import write_survey
 from grebe.workflow.plans import read_zones
 
 LAKE = shapely.box(8.0, 46.5, 8.004, 46.504)
@@ -114,6 +116,13 @@ def test_many_islands_are_summed_up_in_one_note(tmp_path: Path) -> None:
     assert outline.notes == (
         "Islet 0 lies within Lake and is taken as an island; so are 259 others",
     )
+
+
+def test_a_survey_file_is_no_outline(tmp_path: Path) -> None:
+    """Its cells would be the water, and its no-go zones too."""
+    write_survey(tmp_path / "s.gpkg", square_survey())
+    with pytest.raises(InputError, match="is a survey file"):
+        read_outline(tmp_path / "s.gpkg")
 
 
 def test_zones_within_a_zone_open_nothing(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from grebe.report.canvas import (
     GREY,
     SKY,
     VERMILLION,
+    Numbers,
     aspect,
     draw_shore,
     finish_map,
@@ -222,6 +223,11 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
             )
     axes.set_ylim(bottom=0, top=1.35 * float(empirical.semivariance.max()) or None)
     axes.set_xlim(left=0)
+    # Small semivariances, such as those of pH, with all their zeros would push the axes apart.
+    numbers = Numbers(texts)
+    numbers.set_powerlimits((-2, 5))
+    numbers.set_useMathText(True)
+    axes.yaxis.set_major_formatter(numbers)
     axes.set_title(texts["variogram_title"], loc="right")
     axes.set_xlabel(texts["distance"])
     # The square of a logarithm has no unit.

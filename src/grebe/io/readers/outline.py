@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 # GeoJSON is WGS 84 by its standard (RFC 7946); older files may still name a CRS.
 WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 VECTOR_SUFFIXES = (".kml", ".kmz", ".gpx", ".shp", ".zip", ".gpkg")
+# A GeoPackage with all of these layers is a survey.
+OF_A_SURVEY = frozenset({"region", "targets", "cells", "corridors"})
 # Numbers no greater than this, of either sign, are degrees, and not metres of a projection.
 DEGREES = 360.0
 # Deeper than any outline is nested, but far from where a parser would run out of stack.
@@ -197,6 +199,11 @@ def _read_vector(path: Path, inner: Path, crs: str | None) -> list[Drawn]:
 
     try:
         layers = [str(name) for name in pyogrio.list_layers(inner)[:, 0]]
+        if set(layers) >= OF_A_SURVEY:
+            raise InputError(
+                f"{path}: is a survey file, whose layers are cells, tracks and zones beside its "
+                "water; give the outline from which it was planned."
+            )
         return [one for layer in layers for one in _layer(path, inner, layer, crs)]
     except (DataSourceError, DataLayerError, ValueError, ShapelyError) as error:
         text = " ".join(str(error).split())[:160]
