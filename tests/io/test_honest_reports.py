@@ -7,10 +7,13 @@ from pathlib import Path
 import netCDF4
 import pytest
 from click.testing import CliRunner
-from conftest import CHINA, needs_tracks
+from conftest import CHINA, needs_tracks, square_survey
 
 from grebe.cli.main import grebe
+from grebe.core.errors import IncompleteError
+from grebe.io.store import SurveyFile
 from grebe.report.texts import texts_of
+from grebe.workflow.files import write_survey
 
 
 def run(*words: object) -> str:
@@ -62,6 +65,21 @@ def test_one_quantity_is_reported_in_the_singular(tmp_path: Path) -> None:
     assert "Un paramètre de l&#39;eau de surface a été cartographié" in page.read_text()
 
 
+def test_readings_of_two_days_are_said_to_be_of_two(tmp_path: Path) -> None:
+    rows = [
+        f"{1_600_000_000 + 200_000 * (k // 100) + k},{44.4 + 1e-5 * (k % 20):.5f},"
+        f"{-69.6 + 1e-5 * (k // 20):.5f},{20 + 0.01 * (k % 20) + 0.003 * (k // 20):.3f}"
+        for k in range(200)
+    ]
+    track, file, page = tmp_path / "two.csv", tmp_path / "two.gpkg", tmp_path / "two.html"
+    track.write_text("\n".join(["time,latitude,longitude,Temp (C)", *rows]))
+    run("import", track, "-o", file)
+    run("report", file, "-o", page, "--resolution", "4")
+    assert "are of 2 outings, with a pause of up to 2.3 days" in page.read_text()
+    run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")
+    assert "viennent de 2 sorties, séparées de 2,3 jours" in page.read_text()
+
+
 @needs_tracks
 def test_no_shore_is_known_of_a_track(china: Path, tmp_path: Path) -> None:
     words = ["map", str(china), "--out", str(tmp_path / "m"), "--shore-depth-sd", "0.5"]
@@ -78,7 +96,25 @@ def test_simulated_data_are_reported_as_simulated(
         assert maps.title.startswith("Simulated water of")
         assert "a simulated boat" in maps.summary
     run("report", file, "-o", page, "--resolution", "4")
-    assert "This survey was simulated: nothing was measured." in page.read_text()
+    text = page.read_text()
+    # At the top, before any number, and in the paragraph for a paper.
+    assert text.count("This survey was simulated: nothing was measured.") == 2
+    assert text.index("This survey was simulated") < text.index("were mapped over")
+    assert "The survey is not complete" not in text
+
+
+def test_a_survey_that_was_broken_off_is_said_to_be_incomplete(tmp_path: Path) -> None:
+    file, page = tmp_path / "s.gpkg", tmp_path / "page.html"
+    write_survey(file, square_survey(100.0, 25.0))
+    words = ["run", str(file), "--max-minutes", "2"]
+    assert isinstance(CliRunner().invoke(grebe, words).exception, IncompleteError)
+    with SurveyFile.open(file) as half:
+        reached = half.progress().reached
+    assert 0 < reached < 16
+    run("report", file, "-o", page, "--resolution", "4")
+    assert f"The survey is not complete: {reached} of 16 target sets" in page.read_text()
+    run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")
+    assert f"La campagne n&#39;est pas complète : {reached} des 16" in page.read_text()
 
 
 @pytest.mark.parametrize(

@@ -145,10 +145,13 @@ def test_files_that_are_no_geojson_are_refused(tmp_path, text, says):
         read_outline(path)
 
 
-def test_a_declared_crs_that_is_not_wgs84_is_refused(tmp_path):
-    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::2154"}}
+@pytest.mark.parametrize(
+    ("code", "said"), [("2154", "RGF93.*look like degrees"), ("1", "unknown CRS .*EPSG::1")]
+)
+def test_a_declared_crs_that_cannot_be_is_refused(tmp_path, code, said):
+    crs = {"type": "name", "properties": {"name": f"urn:ogc:def:crs:EPSG::{code}"}}
     path = geojson(tmp_path / "l93.geojson", box(), crs=crs)
-    with pytest.raises(InputError, match="2154"):
+    with pytest.raises(InputError, match=said):
         read_outline(path)
 
 

@@ -88,6 +88,8 @@ def _export_samples(
             f"{file} was sailed in simulation: its values are not results for the exchange; "
             "export a plain table, .csv or .parquet."
         )
+    if is_simulated(water):
+        output.note(f"note: {file} was sailed in simulation: its values were not measured")
     measured = Measured(
         samples=samples, frame=survey.frame, name=survey.name, quantities=quantities
     )

@@ -27,6 +27,7 @@ from grebe.workflow.boats import Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.fleets import ExtensionOf, FleetReport, FleetRun
 from grebe.workflow.instruments import of_fleet
+from grebe.workflow.one_water import refuse_other_water
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -142,9 +143,9 @@ def run_fleet(
         harbour = Harbour(world=replace(world, boat=boat), confirm=output.confirmation(yes=yes))
         return listeners.with_status(boat_named(links[boat - 1], harbour))(departure)
 
-    boats = f"{fleet.boats} boats"
-    by_links = f"{boats}: {', '.join(dict.fromkeys(links))}"
-    survey_file.set_meta("water", f"{SIMULATED_WATER}, {boats}" if simulated else by_links)
+    if not force:
+        refuse_other_water(survey_file, simulated=SIMULATED in links)
+    survey_file.set_meta("water", _water_of(links))
     report = FleetRun(
         survey_file,
         boat_at,
@@ -160,6 +161,15 @@ def run_fleet(
     ).run(now, resume=resume, force=force)
     check_samples(survey_file)
     return report
+
+
+def _water_of(links: Sequence[str]) -> str:
+    """The note on the water. Readings of which some are simulated count as simulated."""
+    boats = f"{len(links)} boats"
+    named = f"{boats}: {', '.join(dict.fromkeys(links))}"
+    if SIMULATED not in links:
+        return named
+    return f"{SIMULATED_WATER}, {boats if set(links) == {SIMULATED} else named}"
 
 
 def _links_of(urls: Sequence[str], boats: int) -> list[str]:

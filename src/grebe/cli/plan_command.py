@@ -148,6 +148,19 @@ DEFAULT_MARGIN_M = 1.0
 @click.option(
     "--feature", metavar="NAME|N", help="Which lake of REGION to survey, if it holds several."
 )
+@click.option(
+    "--islands",
+    type=click.Choice(("named", "all", "none")),
+    default="named",
+    show_default=True,
+    help="Which polygons of REGION that lie within another one are land: those whose name, folder "
+    "or attribute says island, all, or none.",
+)
+@click.option(
+    "--crs",
+    metavar="EPSG:CODE",
+    help="Coordinates of a REGION that does not name its own, such as EPSG:25832.",
+)
 @accuracy_options
 @sortie_options
 @options.column_options
@@ -187,6 +200,8 @@ def command(
         columns=options.track_columns(columns, asked),
         header_from=header_from,
         feature=feature,
+        islands=asked["islands"],
+        crs=asked["crs"],
     )
     for text in notes:
         output.note(f"{region}: {text}")

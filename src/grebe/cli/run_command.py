@@ -37,7 +37,7 @@ from grebe.mission.events.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.boats import Harbour, boat_named, simulates
 from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (
     boat_and_instrument,
@@ -48,6 +48,7 @@ from grebe.workflow.instruments import (
     of_one_boat,
     refuse_unopened,
 )
+from grebe.workflow.one_water import refuse_other_water
 from grebe.workflow.quality import check_samples
 from grebe.workflow.run import run_survey, steered_by
 from grebe.workflow.simulated import SimulatedWorld
@@ -251,6 +252,9 @@ def _run(
     departure = prepare(
         survey_file, now, resume=how["resume"], force=how["force"], sortie=how["sortie"]
     )
+    if (simulated := simulates(url)) is not None and not departure.clears:
+        # The run itself refuses it too, but only when a real boat is armed.
+        refuse_other_water(survey_file, simulated=simulated)
     say_which(departure, survey_file)
     if not (run["fresh"] or run["changed"]):
         say_spent(departure)

@@ -101,7 +101,8 @@ def _check_degrees(coordinates: np.ndarray, name: str) -> None:
         )
     raise RegionError(
         f"The region {name!r} has a vertex {given}, which is not a longitude and latitude: the "
-        "coordinates look projected; reproject them to WGS 84 (EPSG:4326)."
+        "coordinates look projected; name their CRS, or reproject them to WGS 84 (EPSG:4326).",
+        settings=("crs",),
     )
 
 

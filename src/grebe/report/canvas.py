@@ -61,7 +61,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Figure]:
     return wrapped
 
 
-class _Numbers(ScalarFormatter):
+class Numbers(ScalarFormatter):
     """The numbers of an axis, written as in a language."""
 
     def __init__(self, texts: Texts) -> None:
@@ -69,9 +69,11 @@ class _Numbers(ScalarFormatter):
         self._texts = texts
 
     def __call__(self, x: float, pos: int | None = None) -> str:
+        """Return the text of a tick."""
         return self._texts.number(super().__call__(x, pos))
 
     def get_offset(self) -> str:
+        """Return the power of ten, or what was subtracted, of all ticks."""
         return self._texts.number(super().get_offset())
 
 
@@ -80,7 +82,7 @@ def localise(figure: Figure, texts: Texts) -> Figure:
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if type(axis.get_major_formatter()) is ScalarFormatter:
-                axis.set_major_formatter(_Numbers(texts))
+                axis.set_major_formatter(Numbers(texts))
     return figure
 
 
@@ -142,6 +144,13 @@ def finish_map(
     axes.set_xlim(east0 - pad, east1 + pad)
     axes.set_ylim(north0 - pad, north1 + pad)
     _draw_scale(axes)
+
+
+def title_above(figure: Figure, text: str) -> None:
+    """Write a title above all that a figure holds: the layout knows nothing of the band above a
+    map, and would let the title of a tall lake touch that of its map.
+    """
+    figure.suptitle(text, x=0.01, y=1.0, ha="left", va="bottom")
 
 
 def legend_below(axes: Axes) -> None:

@@ -23,10 +23,12 @@ from grebe.report.canvas import (
     GREY,
     SKY,
     VERMILLION,
+    Numbers,
     aspect,
     draw_shore,
     finish_map,
     styled,
+    title_above,
 )
 
 if TYPE_CHECKING:
@@ -43,8 +45,12 @@ LEAST_PROBABILITY = 0.01
 
 
 @styled
-def map_figure(survey: Survey, one: QuantityMap, samples: Samples) -> Figure:
-    """Mean and standard deviation side by side, with the samples on the second."""
+def map_figure(
+    survey: Survey, one: QuantityMap, samples: Samples, *, simulated: bool = False
+) -> Figure:
+    """Mean and standard deviation side by side, with the samples on the second, under a title that
+    says when they were taken, and whether they are `simulated`.
+    """
     figure = Figure(figsize=(10.9, 4.0 * aspect(survey) + 1.0))
     left, right = figure.subplots(1, 2)
     unit = f" [{one.quantity.unit}]" if one.quantity.unit else ""
@@ -55,10 +61,19 @@ def map_figure(survey: Survey, one: QuantityMap, samples: Samples) -> Figure:
         draw_shore(axes, survey)
         finish_map(axes, survey)
     right.set_ylabel("")
-    days = f", {samples.moment(int(samples.times.argmin())):%Y-%m-%d}" if len(samples) else ""
-    figure.suptitle(f"{survey.name}{days}", x=0.01, ha="left")
+    said = f"{survey.name}{_days(samples)}{', simulated' if simulated else ''}"
+    title_above(figure, said)
     figure.legend(loc="outside lower center", ncols=2, frameon=False, markerscale=3)
     return figure
+
+
+def _days(samples: Samples) -> str:
+    """The days of the first and the last sample, as the end of a title."""
+    if not len(samples):
+        return ""
+    ends = (int(samples.times.argmin()), int(samples.times.argmax()))
+    days = dict.fromkeys(f"{samples.moment(one):%Y-%m-%d}" for one in ends)
+    return f", {' to '.join(days)}"
 
 
 def _draw_samples(axes: Axes, key: str, samples: Samples) -> None:
@@ -128,7 +143,7 @@ def difference_figure(
     hatch(axes, one, np.where(np.isfinite(change.mean), ~change.clear, False).astype(float))
     draw_shore(axes, survey)
     finish_map(axes, survey)
-    figure.suptitle(f"{one.quantity.label}: {days[1]} minus {days[0]}", x=0.01, ha="left")
+    title_above(figure, f"{one.quantity.label}: {days[1]} minus {days[0]}")
     return figure
 
 
@@ -208,6 +223,11 @@ def _draw_variogram(axes: Axes, one: QuantityMap, texts: Texts) -> None:
             )
     axes.set_ylim(bottom=0, top=1.35 * float(empirical.semivariance.max()) or None)
     axes.set_xlim(left=0)
+    # Small semivariances, such as those of pH, with all their zeros would push the axes apart.
+    numbers = Numbers(texts)
+    numbers.set_powerlimits((-2, 5))
+    numbers.set_useMathText(True)
+    axes.yaxis.set_major_formatter(numbers)
     axes.set_title(texts["variogram_title"], loc="right")
     axes.set_xlabel(texts["distance"])
     # The square of a logarithm has no unit.

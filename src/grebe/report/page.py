@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from grebe.core.quantity import inline
 from grebe.core.survey import Survey
 from grebe.io.atomic_write import write_text_whole
+from grebe.io.readers.track import LONG_PAUSE_S
 from grebe.mapping.maps import Each, in_turn
 from grebe.mapping.proof.validation import Z95
 from grebe.mapping.quantity_map import QuantityMap
@@ -61,6 +62,7 @@ def render(
         survey=data.survey,
         t=texts,
         finding=_finding(data, texts),
+        cautions=_cautions(data, texts),
         left_out=[left_out_in(one, data.quantities, texts) for one in data.left_out],
         alerts=_alerts(concerns, texts),
         facts=_facts(data, texts),
@@ -119,6 +121,22 @@ def _finding(data: ReportData, t: Texts) -> str:
         where=t["within_hull"] if data.is_of_track else "",
         samples=t.number(f"{len(data.samples):,}"),
     )
+
+
+def _cautions(data: ReportData, t: Texts) -> list[str]:
+    """What a reader must know before any number: that nothing was measured, or not everywhere, or
+    not at one time.
+    """
+    targets, reached = len(data.survey.targets), data.progress.reached
+    cautions = [t["simulated"]] if data.is_simulated else []
+    if reached < targets and len(data.samples):
+        cautions.append(t("incomplete", reached=reached, targets=targets, cells=data.unsampled))
+    pauses = np.diff(np.sort(data.samples.times))
+    if (pauses > LONG_PAUSE_S).any():
+        longest = _duration(float(pauses.max()), t)
+        count = 1 + int((pauses > LONG_PAUSE_S).sum())
+        cautions.append(t("several_outings", count=count, longest=longest))
+    return cautions
 
 
 def _concerns(data: ReportData, profile: Profile) -> list[Concern]:

@@ -9,7 +9,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grebe.core.survey import Survey
-from grebe.report.canvas import BLACK, BLUE, VERMILLION, aspect, draw_shore, finish_map, styled
+from grebe.report.canvas import (
+    BLACK,
+    BLUE,
+    VERMILLION,
+    aspect,
+    draw_shore,
+    finish_map,
+    styled,
+    title_above,
+)
 from grebe.report.map_figures import hatch
 
 if TYPE_CHECKING:
@@ -43,10 +52,11 @@ def trend_figure(survey: Survey, one: QuantitySeries) -> Figure:
     days = [datetime.fromtimestamp(s, UTC) for s in one.times_s[[0, -1]]]
     clear = float(np.mean(trend.clear))
     said = "hatched: no clear trend" if clear < 1 else "a trend everywhere"
-    figure.suptitle(
+    title_above(
+        figure,
         f"{survey.name}, {len(one.times_s)} surveys, {days[0]:%Y-%m-%d} to {days[1]:%Y-%m-%d} "
-        f"({said})", x=0.01, ha="left",
-    )  # fmt: skip
+        f"({said})",
+    )
     return figure
 
 

@@ -66,6 +66,11 @@ def boat_named(
     return schemes[scheme](rest, harbour or Harbour())
 
 
+def simulates(url: str) -> bool | None:
+    """Return whether the boat of a URL is simulated; None if only its link can tell."""
+    return {"sim": True, "mavlink": False, "nmea": False}.get(url.partition(":")[0])
+
+
 def _simulated(rest: str, harbour: Harbour) -> BoatAt:
     if rest:
         raise LinkError(f"'sim:' takes nothing after the colon; remove {rest!r}.")

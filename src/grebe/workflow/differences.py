@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from grebe.core.errors import InputError
-from grebe.core.survey import Survey
+from grebe.core.survey import Survey, is_simulated
 from grebe.io.export.geotiff import write_bands
 from grebe.io.store import SurveyFile
 from grebe.mapping.grid import make_grid
@@ -125,14 +125,16 @@ def _days(first: Sailed, second: Sailed) -> tuple[str, str]:
 def sailed(paths: Sequence[Path]) -> list[Sailed]:
     """Open surveys to compare.
 
-    Raises `InputError` if one holds no samples, or if the same readings are given twice: they would
-    confirm themselves.
+    Raises `InputError` if one holds no samples, if the same readings are given twice, as they would
+    confirm themselves, or if some are simulated and others measured.
     """
     seen: dict[bytes, Path] = {}
+    waters: dict[bool, Path] = {}
     found: list[Sailed] = []
     for path in paths:
         with SurveyFile.open(path) as file:
             survey, samples = file.survey, file.samples()
+            waters[is_simulated(file.meta().get("water", ""))] = path
         if len(samples) == 0:
             raise InputError(f"{path} holds no samples; sail it or import a track first.")
         columns = (samples.times, *(samples.values[key] for key in sorted(samples.values)))
@@ -143,6 +145,11 @@ def sailed(paths: Sequence[Path]) -> list[Sailed]:
         seen[key] = path
         span_s = float(samples.times.min()), float(samples.times.max())
         found.append(Sailed(path=path, survey=survey, span_s=span_s))
+    if len(waters) > 1:
+        raise InputError(
+            f"The readings of {waters[True]} are simulated and those of {waters[False]} are not; "
+            "their difference is not a change of the water."
+        )
     return found
 
 

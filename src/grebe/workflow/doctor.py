@@ -10,7 +10,8 @@ from pathlib import Path
 
 from grebe.core import kernels
 from grebe.core.errors import GrebeError
-from grebe.core.survey import Survey
+from grebe.core.plausible import doubts_about
+from grebe.core.survey import Survey, is_simulated
 from grebe.core.vessel import PRESETS
 from grebe.io.store import SurveyFile
 from grebe.links.checks import Check, Verdict, check
@@ -72,6 +73,7 @@ def _survey(path: Path) -> Generator[Check, None, Survey]:
     with SurveyFile.open(path) as file:
         survey, progress = file.survey, file.progress()
         file.claim()
+        rehearsed = file.count("samples") > 0 and is_simulated(file.meta().get("water", ""))
     yield check(
         "survey", f"{len(survey.targets)} targets, {progress.reached} reached",
         holds=len(survey.targets) > progress.reached,
@@ -82,6 +84,16 @@ def _survey(path: Path) -> Generator[Check, None, Survey]:
         "vessel", name, holds=survey.vessel is not None,
         advice="plan the survey again, and name the vessel",
     )  # fmt: skip
+    yield check(
+        "readings", "simulated" if rehearsed else "none that are simulated", holds=not rehearsed,
+        otherwise=Verdict.DOUBTFUL,
+        advice="a real boat does not add to them: start the survey again by force, or plan another",
+    )  # fmt: skip
+    if survey.vessel is not None and (doubts := doubts_about(survey.vessel)):
+        yield check(
+            "vessel", doubts[0], holds=False, otherwise=Verdict.DOUBTFUL,
+            advice="correct the numbers of its file and plan again",
+        )  # fmt: skip
     return survey
 
 

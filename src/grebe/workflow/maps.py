@@ -110,7 +110,9 @@ def write_maps(
     }
     written = [out / NETCDF_NAME, out / "contours.gpkg"]
     write_contours(written[1], data.maps, frame)
-    write = _OneWritten(survey=data.survey, samples=data.samples, out=out)
+    write = _OneWritten(
+        survey=data.survey, samples=data.samples, out=out, simulated=data.is_simulated
+    )
     for files in each(write, [(one, concerns[one.quantity.key]) for one in data.maps]):
         written += files
     for earlier in (out / MOVIE_NAME, *out.glob("*_movie.png")):
@@ -132,12 +134,16 @@ class _OneWritten:
     survey: Survey
     samples: Samples
     out: Path
+    simulated: bool
 
     def __call__(self, item: tuple[QuantityMap, Mapping[str, Array]]) -> list[Path]:
         one, concerns = item
         raster, picture = (self.out / f"{one.quantity.key}.{end}" for end in ("tif", "png"))
         write_geotiff(raster, one, self.survey.frame, concerns)
-        canvas.save(map_figures.map_figure(self.survey, one, self.samples), picture)
+        canvas.save(
+            map_figures.map_figure(self.survey, one, self.samples, simulated=self.simulated),
+            picture,
+        )
         lake = bathymetry_of(one, self.survey)
         if lake is None:
             return [raster, picture]

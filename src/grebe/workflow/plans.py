@@ -11,10 +11,12 @@ import shapely
 
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
+from grebe.core.plausible import doubts_about
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.core.revision import PlanRevision
 from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
+from grebe.io.readers.islands import Islands
 from grebe.io.readers.land import sea_warning
 from grebe.io.readers.outline import read_outline
 from grebe.io.readers.quantities import user_quantities
@@ -40,12 +42,15 @@ def read_region(
     feature: str | None = None,
     columns: TrackColumns | None = None,
     header_from: Path | None = None,
+    islands: Islands = "named",
+    crs: str | None = None,
 ) -> tuple[Region, tuple[str, ...]]:
     """Return the water of a file of outlines, or within a track's convex hull, and notes about it.
 
-    `feature` selects one of several lakes in a file, by name or by number.
+    `feature` selects one of several lakes in a file, by name or by number. `islands` says which
+    polygons within another one are islands, and `crs` the coordinates of a file that does not.
     """
-    outline = read_outline(path, columns, header_from, feature=feature)
+    outline = read_outline(path, columns, header_from, feature=feature, islands=islands, crs=crs)
     region = clean_region(outline.geometry, outline.name, outline.features)
     at_sea = sea_warning(region.frame.origin_lon_deg, region.frame.origin_lat_deg)
     return region, (*outline.notes, *([at_sea] if at_sea else []))
@@ -167,6 +172,9 @@ def plan_warnings(survey: Survey) -> list[str]:
             f"the window goes up to {fastest:g} m/s, but {vessel.name} reaches only "
             f"{vessel.speed_max_mps:.2f} m/s at full thrust"
         )
+    boats = range(1, survey.fleet.boats + 1) if survey.fleet else (1,)
+    vessels = dict.fromkeys(survey.vessel_of(boat) for boat in boats)
+    warnings += [text for one in vessels if one is not None for text in doubts_about(one)]
     return warnings
 
 
@@ -181,7 +189,9 @@ def read_zones(
     zones: list[shapely.Polygon] = []
     notes: list[str] = []
     for path in paths:
-        outline = read_outline(path)
+        # A zone within another, of whatever name, is closed like the one around it.
+        outline = read_outline(path, islands="none")
+        _refuse_metres(path, outline.geometry)
         notes += [f"{path}: {text}" for text in outline.notes]
         local = region.frame.geometry_to_local(outline.geometry)
         if mends:
@@ -198,6 +208,15 @@ def read_zones(
         parts = shapely.get_parts(shapely.get_parts(local))
         zones += [part for part in parts if isinstance(part, shapely.Polygon)]
     return zones, tuple(notes)
+
+
+def _refuse_metres(path: Path, geometry: shapely.Geometry) -> None:
+    west, south, east, north = shapely.bounds(geometry).tolist()
+    if not (-360 <= west <= east <= 360 and -90 <= south <= north <= 90):
+        raise InputError(
+            f"{path}: reaches from ({west:g}, {south:g}) to ({east:g}, {north:g}), which are no "
+            "longitudes and latitudes; reproject it to WGS 84 (EPSG:4326)."
+        )
 
 
 def checked_sorties(planned: PlannedSorties) -> list[SortieCheck]:

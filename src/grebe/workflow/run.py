@@ -10,7 +10,7 @@ from grebe.control.controller import Controller
 from grebe.control.rules.base import Rule
 from grebe.control.solvers.base import SolverBuilder
 from grebe.core.events import Warned
-from grebe.core.survey import Survey
+from grebe.core.survey import Survey, is_simulated
 from grebe.io.store import SurveyFile
 from grebe.links.base import BoatLink, Instruments, as_driven
 from grebe.links.simulated import SimulatedLink
@@ -26,6 +26,7 @@ from grebe.mission.safety.route_home import Pilot, check_home
 from grebe.mission.safety.watchdog import guarded, journal_beside, taken_notes
 from grebe.mission.settings import MissionSettings
 from grebe.workflow.garbage_collection import no_long_pauses
+from grebe.workflow.one_water import refuse_other_water
 
 BoatAt = Callable[[Departure], BoatLink]
 HelmOf = Callable[[Departure], Helm]
@@ -69,8 +70,8 @@ def run_survey(
     of the boat are known. `listeners` receive the events; `on_ready` gets the mission before it
     begins, to stop it or call it home. `instruments` are sondes apart from the boat, which the
     caller closes; the file declares their quantities. `force` discards a recorded mission only once
-    all that the new one needs is there. Raises what `prepare` raises; a link that fails on the way
-    is in the report instead.
+    all that the new one needs is there. Raises what `prepare` and `refuse_other_water` raise; a
+    link that fails on the way is in the report instead.
     """
     departure = prepare(survey_file, now, resume=resume, force=force, sortie=sortie)
     departure = spent_as_said(departure, settings)
@@ -115,6 +116,7 @@ def _begin(
     """Note in the file that a mission sets out, and say what must be known before it."""
     if departure.clears:
         survey_file.clear_mission()
+    refuse_other_water(survey_file, simulated=is_simulated(source))
     survey_file.set_meta("water", source)
     survey_file.begin_session(now)
     say_first(departure, survey_file, listeners)

@@ -7,8 +7,8 @@ The result is in WGS 84 degrees (longitude, latitude) and otherwise as in the fi
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from grebe.core.counts import counted
 from grebe.core.errors import InputError, RegionError
 from grebe.core.sets import hull_of
 from grebe.io.readers.features import chosen, feature_name, feature_text
+from grebe.io.readers.islands import Drawn, Islands, called_island, without_islands
 from grebe.io.readers.text import read_text
 from grebe.io.readers.untrusted import check_size, check_xml, unpacked
 
@@ -31,10 +32,12 @@ if TYPE_CHECKING:
 # GeoJSON is WGS 84 by its standard (RFC 7946); older files may still name a CRS.
 WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
 VECTOR_SUFFIXES = (".kml", ".kmz", ".gpx", ".shp", ".zip", ".gpkg")
+# A GeoPackage with all of these layers is a survey.
+OF_A_SURVEY = frozenset({"region", "targets", "cells", "corridors"})
+# Numbers no greater than this, of either sign, are degrees, and not metres of a projection.
+DEGREES = 360.0
 # Deeper than any outline is nested, but far from where a parser would run out of stack.
 DEEPEST_JSON = 60
-# The most polygons of a file that are compared with each other, to find one within another.
-MOST_COMPARED = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +56,14 @@ def read_outline(
     header_from: Path | None = None,
     *,
     feature: str | None = None,
+    islands: Islands = "named",
+    crs: str | None = None,
 ) -> Outline:
     """Read a region from a vector file, or, for a .csv, from the hull of a track (section 6.2).
 
-    Vector files are GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage. Hostile files
-    are refused unread.
+    Vector files are GeoJSON, KML, KMZ, GPX, a Shapefile (zipped too) or a GeoPackage. `islands`
+    says which polygons within another one are cut out of it; `crs` names the coordinates of a file
+    that does not, such as EPSG:25832. Hostile files are refused unread.
     """
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -69,19 +75,21 @@ def read_outline(
         raise InputError(f"{path}: there is no such file.")
     check_size(path)
     if suffix in (".geojson", ".json"):
-        return _read_geojson(path, feature)
+        found, name = _read_geojson(path, crs)
+        return _outline(path, found, name, feature, islands)
     if suffix in VECTOR_SUFFIXES:
         with unpacked(path) as inner:
             if inner.suffix.lower() in (".kml", ".gpx"):
                 check_xml(inner)
-            return _read_vector(path, inner, feature)
+            return _outline(path, _read_vector(path, inner, crs), path.stem, feature, islands)
     raise InputError(
         f"{path}: cannot read a region from a {path.suffix or 'nameless'} file; give GeoJSON, "
         "KML, KMZ, GPX, a Shapefile, a GeoPackage, or a track (.csv)."
     )
 
 
-def _read_geojson(path: Path, wanted: str | None) -> Outline:
+def _read_geojson(path: Path, crs: str | None) -> tuple[list[Drawn], str]:
+    """Return what a GeoJSON holds, and its name."""
     text = read_text(path)
     _check_depth(path, text)
     try:
@@ -90,10 +98,23 @@ def _read_geojson(path: Path, wanted: str | None) -> Outline:
         raise InputError(f"{path}: not valid JSON ({error}).") from None
     if not isinstance(document, dict):
         raise InputError(f"{path}: not GeoJSON: the file holds no object.")
-    _refuse_other_crs(path, document)
+    declared = _declared_crs(document)
     features = _features(document)
-    found = [(_geometry(path, one), feature_name(one.get("properties"))) for one in features]
-    return _outline(path, found, _name(document, features), wanted)
+    found = [
+        Drawn(
+            geometry=_geometry(path, one),
+            name=feature_name(one.get("properties")),
+            is_island=called_island("", one.get("properties")),
+        )
+        for one in features
+    ]
+    if declared or crs:
+        to_degrees = _to_degrees(path, declared, crs)
+        found = [
+            one if one.geometry is None else replace(one, geometry=to_degrees(one.geometry))
+            for one in found
+        ]
+    return found, _name(document, features)
 
 
 def _check_depth(path: Path, text: str) -> None:
@@ -107,54 +128,49 @@ def _check_depth(path: Path, text: str) -> None:
             depth -= 1
 
 
-def _outline(path: Path, found: list[tuple[Any, str]], name: str, wanted: str | None) -> Outline:
+def _outline(
+    path: Path, found: list[Drawn], name: str, wanted: str | None, islands: Islands
+) -> Outline:
     """Keep the polygons and closed lines, or only the one wanted; note what was left out."""
-    areas = [(area, own) for g, own in found if (area := _polygonal(g)) is not None]
-    listed = tuple(feature_text(i, *one) for i, one in enumerate(areas, start=1))
-    if wanted is not None and areas:
-        area, own = areas[chosen(path, [own for _, own in areas], wanted, listed)]
-        return Outline(geometry=area, name=own or f"{name or path.stem} {wanted}")
-    geometries, polygons = found, [area for area, _ in areas]
-    if not polygons:
+    areas = [
+        replace(one, geometry=area)
+        for one in found
+        if (area := _polygonal(one.geometry)) is not None
+    ]
+    if not areas:
         raise RegionError(
             f"{path}: holds no polygon; a region is a Polygon or MultiPolygon{_open_line(found)}."
         )
-    left_out = len(geometries) - len(polygons)
+    left_out = len(found) - len(areas)
     said = f"{counted(left_out, 'feature without', 'features without')} a polygon: left out"
-    notes = (said,) if left_out else ()
-    notes += tuple(_within_others(areas))
+    notes = [said] if left_out else []
+    areas, on_islands = without_islands(areas, islands)
+    polygons = [one.geometry for one in areas if one.geometry is not None]
+    listed = tuple(
+        feature_text(i, area, one.name)
+        for i, (area, one) in enumerate(zip(polygons, areas, strict=True), start=1)
+    )
+    if wanted is not None:
+        k = chosen(path, [one.name for one in areas], wanted, listed)
+        own = areas[k].name or f"{name or path.stem} {wanted}"
+        return Outline(geometry=polygons[k], name=own, notes=tuple(on_islands))
     geometry = polygons[0] if len(polygons) == 1 else shapely.GeometryCollection(polygons)
-    if len(areas) > 1 and name in {own for _, own in areas}:
+    if len(areas) > 1 and name in {one.name for one in areas}:
         # A lake has the name of its largest polygon, not of an island that comes before it.
-        name = max(areas, key=lambda one: one[0].area)[1]
-    return Outline(geometry=geometry, name=name or path.stem, notes=notes, features=listed)
+        name = areas[int(np.argmax(shapely.area(polygons)))].name
+    return Outline(
+        geometry=geometry,
+        name=name or path.stem,
+        notes=(*notes, *on_islands),
+        features=listed,
+    )
 
 
-def _open_line(found: list[tuple[Any, str]]) -> str:
+def _open_line(found: list[Drawn]) -> str:
     """Return the end of an error message for a line that might have been meant as an outline."""
-    lines = any(isinstance(one, shapely.LineString | shapely.MultiLineString) for one, _ in found)
+    kinds = shapely.LineString | shapely.MultiLineString
+    lines = any(isinstance(one.geometry, kinds) for one in found)
     return ", or a line that ends where it begins; the lines in this file do not" if lines else ""
-
-
-def _within_others(areas: list[tuple[BaseGeometry, str]]) -> Iterator[str]:
-    """Yield notes on polygons within another.
-
-    An island that is drawn as a separate polygon makes no hole in the lake.
-    """
-    parts = [(part, own) for area, own in areas for part in shapely.get_parts(area).tolist()]
-    if len(parts) > MOST_COMPARED or not all(part.is_valid for part, _ in parts):
-        return
-    for i, (one, own) in enumerate(parts):
-        for j, (other, name) in enumerate(parts):
-            if i != j and shapely.within(one, other) and not shapely.equals(one, other):
-                # Parts of one feature have one name.
-                inner = f"polygon {i + 1}" if own in {"", name} else own
-                outer = f"polygon {j + 1}" if name in {"", own} else name
-                yield (
-                    f"{inner} lies within {outer} and is taken as water: if it is an island, cut "
-                    "it out of the outline, or give it as a no-go zone in a separate file"
-                )
-                break
 
 
 def _polygonal(geometry: Any) -> BaseGeometry | None:
@@ -176,50 +192,80 @@ def _polygonal(geometry: Any) -> BaseGeometry | None:
     return rings[0] if len(rings) == 1 else shapely.MultiPolygon(rings)
 
 
-def _read_vector(path: Path, inner: Path, wanted: str | None) -> Outline:
+def _read_vector(path: Path, inner: Path, crs: str | None) -> list[Drawn]:
     """Read every layer that holds areas, in whatever CRS it declares (GDAL, by pyogrio)."""
     import pyogrio
     from pyogrio.errors import DataLayerError, DataSourceError
 
     try:
         layers = [str(name) for name in pyogrio.list_layers(inner)[:, 0]]
-        found = [one for layer in layers for one in _layer(path, inner, layer)]
+        if set(layers) >= OF_A_SURVEY:
+            raise InputError(
+                f"{path}: is a survey file, whose layers are cells, tracks and zones beside its "
+                "water; give the outline from which it was planned."
+            )
+        return [one for layer in layers for one in _layer(path, inner, layer, crs)]
     except (DataSourceError, DataLayerError, ValueError, ShapelyError) as error:
         text = " ".join(str(error).split())[:160]
         raise InputError(f"{path}: cannot be read as {path.suffix[1:].upper()} ({text}).") from None
-    return _outline(path, found, path.stem, wanted)
 
 
-def _layer(path: Path, inner: Path, layer: str) -> list[tuple[BaseGeometry, str]]:
+def _layer(path: Path, inner: Path, layer: str, crs: str | None) -> list[Drawn]:
     from pyogrio.raw import read
-    from pyproj import Transformer
-    from pyproj.exceptions import CRSError
 
     meta, _, blobs, values = read(inner, layer=layer, force_2d=True)
     if blobs is None or len(blobs) == 0:
         return []
     keys = [str(key) for key in meta["fields"]]
-    names = [feature_name(dict(zip(keys, row, strict=True))) for row in zip(*values, strict=True)]
-    names = names or [""] * len(blobs)
+    rows = [dict(zip(keys, row, strict=True)) for row in zip(*values, strict=True)]
+    rows = rows or [{}] * len(blobs)
     geometries = shapely.from_wkb(blobs, on_invalid="ignore")
-    crs = meta.get("crs")
-    if not crs:
+    declared = meta.get("crs")
+    if not declared and not crs:
         raise InputError(
-            f"{path}: does not say which coordinates it uses; add its .prj file or set its CRS."
+            f"{path}: does not say which coordinates it uses; add its .prj file or name its CRS.",
+            settings=("crs",),
         )
-    try:
-        transformer = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
-    except CRSError:
-        raise InputError(f"{path}: declares an unknown CRS ({crs[:80]}).") from None
-
-    def to_degrees(points: Any) -> Any:
-        return np.column_stack(transformer.transform(points[:, 0], points[:, 1]))
-
+    to_degrees = _to_degrees(path, declared, crs)
     return [
-        (shapely.transform(geometry, to_degrees), name)
-        for geometry, name in zip(geometries, names, strict=True)
+        Drawn(
+            geometry=to_degrees(geometry),
+            name=feature_name(row),
+            is_island=called_island(layer, row),
+        )
+        for geometry, row in zip(geometries, rows, strict=True)
         if geometry is not None
     ]
+
+
+def _to_degrees(
+    path: Path, declared: str | None, given: str | None
+) -> Callable[[BaseGeometry], BaseGeometry]:
+    """Return a function from the CRS that a file declares, or else the one given, to WGS 84."""
+    from pyproj import CRS, Transformer
+    from pyproj.exceptions import CRSError
+
+    try:
+        crs = CRS.from_user_input(declared or given)
+    except CRSError:
+        if declared:
+            raise InputError(f"{path}: declares an unknown CRS ({declared[:80]}).") from None
+        raise InputError(f"There is no CRS {given!r}.", settings=("crs",)) from None
+    if declared and given and not crs.equals(CRS.from_user_input(given), ignore_axis_order=True):
+        raise InputError(
+            f"{path}: its coordinates are in {crs.name}, as it says itself, and not in {given}.",
+            settings=("crs",),
+        )
+    transformer = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+
+    def moved(points: Any) -> Any:
+        if crs.is_projected and len(points) and np.abs(points).max() <= DEGREES:
+            raise InputError(
+                f"{path}: its coordinates are said to be in {crs.name}, but look like degrees."
+            )
+        return np.column_stack(transformer.transform(points[:, 0], points[:, 1]))
+
+    return lambda geometry: shapely.transform(geometry, moved)
 
 
 def _features(document: dict[str, Any]) -> list[dict[str, Any]]:
@@ -249,12 +295,11 @@ def _name(document: dict[str, Any], features: list[dict[str, Any]]) -> str:
     return ""
 
 
-def _refuse_other_crs(path: Path, document: dict[str, Any]) -> None:
+def _declared_crs(document: dict[str, Any]) -> str | None:
+    """Return the CRS that a GeoJSON names, as programs older than its standard do; None for
+    WGS 84.
+    """
     crs = document.get("crs")
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = str(properties.get("name", "")) if isinstance(properties, dict) else ""
-    if name and not name.endswith(WGS84_NAMES):
-        raise InputError(
-            f"{path}: its coordinates are in {name}; reproject it to WGS 84 longitude and "
-            "latitude (EPSG:4326), which is what GeoJSON means."
-        )
+    return name if name and not name.endswith(WGS84_NAMES) else None

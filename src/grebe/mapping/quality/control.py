@@ -4,8 +4,8 @@ Nothing is deleted. Each value gets a flag (1 good, 3 suspect, 4 failed, 9 missi
 its tests; suspect and failed values are left out of the map. ioos_qc runs gross range, spike, flat
 line and rate of change (IOOS QARTOD manuals), with wider limits for a noisy sensor. The others are
 location (outside the water), time (going back), a sonde that is still settling after it was put in,
-samples out of the water, bubbles in the conductivity cell, and excursions to values that are not
-the water's.
+a sonde that repeats itself, samples out of the water, bubbles in the conductivity cell, and
+excursions to values that are not the water's.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from grebe.core.samples import Flag, Samples
 from grebe.mapping.quality.bubbles import bubbles
 from grebe.mapping.quality.excursions import excursions
 from grebe.mapping.quality.settling import settling_times
+from grebe.mapping.quality.stuck import stuck
 from grebe.mapping.stamps import spread_times
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ def check_quality(
     samples = replace(samples, times=spread_times(samples.times))
     air = _out_of_water(samples, quantities)
     settled, bubbly = _settled(samples, quantities), _bubbly(samples, quantities)
+    still = _stuck(samples, quantities)
     since = samples.times - samples.times.min(initial=np.inf)
     flags: dict[str, Flags] = {}
     counts: dict[str, dict[str, tuple[int, int]]] = {}
@@ -93,6 +95,7 @@ def check_quality(
         common = dict(shared)
         if quantity.on_sonde:
             common |= {"out of water": air, "settling": _until(since, settled.get(key, -np.inf))}
+            common["stuck sonde"] = still
         if key in bubbly:
             common["bubbles"] = np.where(bubbly[key], Flag.SUSPECT, Flag.GOOD)
         tests = {name: one[present] for name, one in common.items()}
@@ -125,6 +128,23 @@ def _bubbly(samples: Samples, quantities: Quantities) -> dict[str, NDArray[np.bo
         if key not in cell and key not in WITHOUT_WITNESS and quantities.known(key).on_sonde
     ]
     return {key: bubbles(samples.values[key], others, samples.times) for key in cell}
+
+
+def _stuck(samples: Samples, quantities: Quantities) -> Flags:
+    """Flags that are failed where all sensors on the sonde repeat their last readings."""
+    fine = [
+        column
+        for key, column in samples.values.items()
+        if quantities.known(key).on_sonde and not _coarse(column, quantities.known(key))
+    ]
+    repeated = stuck(fine, samples.times, samples.positions)
+    return np.where(repeated, Flag.FAIL, Flag.GOOD)
+
+
+def _coarse(values: Array, quantity: Quantity) -> bool:
+    """Whether a logger wrote so few digits that the record may stand still in any water."""
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    return len(steps) > 0 and bool(steps.min() > COARSE_STEPS * quantity.resolution > 0)
 
 
 def _noise(values: Array) -> float:
@@ -212,18 +232,17 @@ def _elsewhere(
 
 
 def _from_the_beginning(flags: Any, values: Array, quantity: Quantity) -> Flags:
-    """Flags of a flat line, failed from its beginning, because a stuck sensor was stuck at once. If
-    a logger writes fewer digits than its sensor has, its record may well stand still, and the flags
-    are left unchanged.
+    """Flags of a flat line, with its worst from its beginning, because a stuck sensor was stuck at
+    once. If a logger writes fewer digits than its sensor has, its record may well stand still, and
+    the flags are left unchanged.
     """
     flags = np.ma.filled(np.ma.asarray(flags), Flag.NOT_EVALUATED).astype(np.int64)
-    steps = np.diff(np.unique(values))
-    if len(steps) and steps.min() > COARSE_STEPS * quantity.resolution > 0:
+    if _coarse(values, quantity):
         return flags
     moves = np.flatnonzero(np.abs(np.diff(values)) > quantity.limits.flat_tolerance) + 1
     for part in np.split(np.arange(len(values)), moves):
-        if len(part) and np.any(flags[part] == Flag.FAIL):
-            flags[part] = Flag.FAIL
+        if len(part) and np.any(_bad(flags[part])):
+            flags[part] = np.max(flags[part][_bad(flags[part])])
     return flags
 
 
