@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
-from grebe.mapping.change import earlier
 from grebe.mapping.methods.base import Readings
+from grebe.mapping.way import earlier
 
 SIDE, SPACING, SPEED = 120.0, 10.0, 1.0
 WATER = shapely.box(0, 0, SIDE, SIDE)

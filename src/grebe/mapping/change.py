@@ -28,6 +28,9 @@ from grebe.mapping.covariance.noise import median_noise_variance
 from grebe.mapping.covariance.posterior import Posterior, thinned
 from grebe.mapping.covariance.variogram import fit_variogram
 from grebe.mapping.methods.base import Readings
+from grebe.mapping.response_time import FLEETING, find_response
+from grebe.mapping.slow_sensor import Response, restored
+from grebe.mapping.way import earlier
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,15 +48,14 @@ CLEAR_GAIN = 4.0
 UNSEEN_LOSS = 1.92
 # Shares of the values' variance at which a search for a change starts, and the search's bounds.
 SHARES, SHARE_BOUNDS = (1e-3, 1e-2, 1e-1, 1.0), (1e-6, 30.0)
-# Lags to try [s]; across longer gaps between readings, the path is unknown [s].
-LAGS_S, LONGEST_GAP_S = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0), 20.0
+# Delays to try [s].
+LAGS_S = (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0, 22.0, 26.0, 30.0)
 KNOTS = 24
 FEWEST = 60
 # A slow change needs few readings, if they come from the whole time.
 MOST_SAMPLES = 240
-# As shares of the survey's time: how slow a change is, and the memory of the process by which two
-# passes differ.
-SLOW, FLEETING = 0.5, 0.05
+# How slow a change is, as a share of the survey's time.
+SLOW = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +76,7 @@ class Change:
     gain: float = 0.0
     lag_s: float = 0.0
     lag_gain: float = 0.0
+    response: Response | None = None
     unseen_sd: float = np.inf
 
     @property
@@ -103,8 +106,12 @@ class Change:
         )
 
     def placed(self, readings: Readings) -> Readings:
-        """The readings at the places where the sensor took them."""
-        if readings.times is None or not self.lag_s:
+        """The readings at the places where the sensor took them, and as a fast one gives them."""
+        if readings.times is None:
+            return readings
+        if self.response is not None:
+            return restored(readings, self.response)
+        if not self.lag_s:
             return readings
         return replace(readings, positions=earlier(readings.times, readings.positions, self.lag_s))
 
@@ -162,11 +169,23 @@ def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
     except ValueError:
         return still
     lag_s, lag_gain = problem.lag()
+    response = find_response(readings, problem.plain)
+    used = readings
+    if response is not None:
+        lag_s, used = 0.0, restored(readings, response)
+        problem = _Problem.of(used)
     if lag_s:
         problem = problem.shifted(lag_s)
     at, gain = problem.with_change()
-    change = replace(still, gain=gain, lag_s=lag_s, lag_gain=lag_gain, unseen_sd=problem.unseen(at))
-    if gain < CLEAR_GAIN or _is_smooth(readings, problem, lag_s):
+    change = replace(
+        still,
+        gain=gain,
+        lag_s=lag_s,
+        lag_gain=lag_gain,
+        response=response,
+        unseen_sd=problem.unseen(at),
+    )
+    if gain < CLEAR_GAIN or _is_smooth(used, problem, lag_s):
         return change
     first, last = float(readings.times.min()), float(readings.times.max())
     knots = np.unique([*np.linspace(first, last, KNOTS), np.clip(still.moment_s, first, last)])
@@ -184,21 +203,6 @@ def _is_smooth(readings: Readings, rough: _Problem, lag_s: float) -> bool:
         smooth = smooth.shifted(lag_s)
     better = smooth.plain_likelihood > rough.plain_likelihood
     return better and smooth.with_change()[1] < CLEAR_GAIN
-
-
-def earlier(times: Array, positions: Array, seconds: float) -> Array:
-    """Where the boat was `seconds` before each of its readings, (n, 2). If that is unknown, across
-    a gap or before the first reading, the reading keeps its place.
-    """
-    order = np.argsort(times, kind="stable")
-    when, way = times[order], positions[order]
-    asked = when - seconds
-    after = np.clip(np.searchsorted(when, asked), 1, len(when) - 1)
-    known = (asked >= when[0]) & (when[after] - when[after - 1] <= LONGEST_GAP_S)
-    moved = np.column_stack([np.interp(asked, when, column) for column in way.T])
-    out = np.empty_like(positions, dtype=float)
-    out[order] = np.where(known[:, None], moved, way)
-    return out
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from grebe.mapping.change import Change, fit_change, no_change
 from grebe.mapping.covariance.noise import noise_variance
 from grebe.mapping.fields.joining import distinct
 from grebe.mapping.grid import Grid
-from grebe.mapping.methods.base import Domain, Method, Readings
+from grebe.mapping.methods.base import Domain, Method, Model, Readings
 from grebe.mapping.methods.choice import ByShore, Choice, Straight
 from grebe.mapping.methods.passes import Passes
 from grebe.mapping.methods.shore import WithShore
@@ -279,7 +279,18 @@ def _micro_sd(found: Best, readings: Readings, scale: Scale, resolution: float) 
     noise = noise_variance(readings.positions, readings.values, nugget)
     slope = scale.slope(float(np.median(scale.back(readings.values))))
     within_m = found.calibration.on_way * float(np.sqrt(nugget - noise))
+    within_m = float(np.hypot(within_m, _sd_within(found.model, readings.spread_m)))
     return float(np.hypot(within_m, resolution / slope / np.sqrt(12)))
+
+
+def _sd_within(model: Model, spread_m: float) -> float:
+    """Standard deviation of the water about its mean over the stretch that a value comes from: the
+    mean semivariance within that (Chiles and Delfiner 2012, section 2.7, dispersion variance).
+    """
+    if spread_m == 0 or model.semivariance is None:
+        return 0.0
+    varies = float(model.semivariance(np.array([spread_m]))[0]) - model.nugget
+    return float(np.sqrt(max(varies, 0.0)))
 
 
 def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> None:

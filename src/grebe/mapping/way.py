@@ -19,6 +19,8 @@ REACH_M = 3.0
 # Between readings farther apart than this, the boat's path is unknown [m]. It is a little more than
 # the longest stretch that is left out to validate a map.
 LONGEST_LEG_M = 40.0
+# Nor is it known across longer times between readings [s].
+LONGEST_GAP_S = 20.0
 # No more places than this are the samples of a fold; a map has more nodes.
 FEW_PLACES = 1_000
 
@@ -56,6 +58,21 @@ def passed(way: Array, times: Array, places: Array) -> tuple[Array, Array]:
     length = np.maximum(np.sum(along**2, axis=1), 1e-12)
     share = np.clip(np.sum((places - way[leg]) * along, axis=1) / length, 0.0, 1.0)
     return times[leg] + share * (until[leg] - times[leg]), away
+
+
+def earlier(times: Array, positions: Array, seconds: float) -> Array:
+    """Where the boat was `seconds` before each of its readings, (n, 2). If that is unknown, across
+    a gap or before the first reading, the reading keeps its place.
+    """
+    order = np.argsort(times, kind="stable")
+    when, way = times[order], positions[order]
+    asked = when - seconds
+    after = np.clip(np.searchsorted(when, asked), 1, len(when) - 1)
+    known = (asked >= when[0]) & (when[after] - when[after - 1] <= LONGEST_GAP_S)
+    moved = np.column_stack([np.interp(asked, when, column) for column in way.T])
+    out = np.empty_like(positions, dtype=float)
+    out[order] = np.where(known[:, None], moved, way)
+    return out
 
 
 def _leg_ends(way: Array) -> Array:

@@ -182,6 +182,57 @@ def lower_slopes(
 
 
 @machine_code
+def lower_covariance_of_means(code, sill, reach, jitter, distance, count):
+    """As `lower_covariance`, (n, n), for samples each of which is the mean of the signal over
+    `count` places. The distances (n count, n count) are those of all places, sample by sample.
+    """
+    n = distance.shape[0] // count
+    out = np.zeros((n, n))
+    x, row = np.empty(n * count), np.empty(n * count)
+    bits, share = np.empty(n * count, np.int64), sill / count**2
+    for i in range(n):
+        m = (i + 1) * count
+        for place in range(i * count, m):
+            for j in range(m):
+                x[j] = distance[place, j] / reach
+            correlate(code, x[:m], bits[:m], row[:m])
+            for j in range(i + 1):
+                total = 0.0
+                for k in range(j * count, (j + 1) * count):
+                    total += row[k]
+                out[i, j] += share * total
+        out[i, i] += jitter * sill
+    return out
+
+
+@machine_code
+def lower_slopes_of_means(code, sill, reach, jitter, distance, count, inverse, rest, by_one):
+    """As `lower_slopes`, (2,), for `lower_covariance_of_means`: by `reach` and `sill`."""
+    n = distance.shape[0] // count
+    sums = np.zeros(2)
+    x, t, bits = np.empty(n * count), np.empty(n * count), np.empty(n * count, np.int64)
+    found, grown = np.empty(n * count), np.empty(n * count)
+    for i in range(n):
+        m = (i + 1) * count
+        for place in range(i * count, m):
+            for j in range(m):
+                x[j] = distance[place, j] / reach
+            grow(code, x[:m], t[:m], bits[:m], found[:m], grown[:m])
+            for j in range(i + 1):
+                by_reach, by_sill = 0.0, 0.0
+                for k in range(j * count, (j + 1) * count):
+                    by_reach += grown[k]
+                    by_sill += found[k]
+                weight = (1.0 if i == j else 2.0) / count**2
+                weight *= rest[i] * rest[j] + by_one[i] * by_one[j] - inverse[i, j]
+                sums[0] += weight * sill * by_reach
+                sums[1] += weight * sill * by_sill
+        own = rest[i] ** 2 + by_one[i] ** 2 - inverse[i, i]
+        sums[1] += jitter * sill * own
+    return sums
+
+
+@machine_code
 def covariances(code, sill, reach, a, b, below):
     """Covariances (n, m) of each place of `a` (n, 2) with each of `b` (m, 2). With `below`, only
     those on and below the diagonal are computed, and the others are 0.

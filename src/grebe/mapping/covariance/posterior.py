@@ -19,7 +19,12 @@ from scipy.linalg import get_lapack_funcs
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
-from grebe.mapping.covariance.correlation import lower_covariance, lower_slopes
+from grebe.mapping.covariance.correlation import (
+    lower_covariance,
+    lower_covariance_of_means,
+    lower_slopes,
+    lower_slopes_of_means,
+)
 from grebe.mapping.covariance.likelihood import CLEAR_GAIN
 from grebe.mapping.covariance.models import KINDS, PRACTICAL_RANGE, CovarianceModel, Fleeting
 from grebe.mapping.covariance.noise import median_noise_variance
@@ -105,6 +110,9 @@ class Posterior:
     With `apart_s` (n, n), the time between any two values, there is also a fleeting process. It
     adds two parameters: the logarithms of its variance over that of the values and of its memory
     over `memory_s`.
+
+    If each value is the mean of the signal over `places` > 1 places, `distance` (n places,
+    n places) is that of all of these, value by value; there is then no fleeting process.
     """
 
     distance: Array
@@ -116,6 +124,8 @@ class Posterior:
     common: tuple[Array, ...] = ()
     apart_s: Array | None = None
     memory_s: float = 1.0
+    places: int = 1
+    known: Array | None = None
 
     @classmethod
     def of(
@@ -128,9 +138,10 @@ class Posterior:
         times: Array | None = None,
     ) -> Posterior:
         """The problem for values (n,) at positions (n, 2) with noise of variance `noise`; with
-        `times` (n,), it includes a fleeting process.
+        `times` (n,), it includes a fleeting process. Of positions (n, k, 2), each value is a mean.
         """
-        distance = cdist(positions, positions)
+        at = positions.reshape(-1, 2)
+        distance = cdist(at, at)
         variance = float(np.var(values))
         return cls(
             distance=distance,
@@ -142,6 +153,7 @@ class Posterior:
             common=common,
             apart_s=None if times is None else np.abs(times[:, None] - times[None, :]),
             memory_s=1.0 if times is None else MEMORY_SHARE * float(np.ptp(times)),
+            places=len(at) // len(values),
         )
 
     def best(self, start: CovarianceModel) -> tuple[float, CovarianceModel, dict[str, float]]:
@@ -200,9 +212,7 @@ class Posterior:
         inverse = white.inverse()
         # The noise's derivative is a multiple of the unit matrix.
         of_noise = float(np.exp(at[2])) * float(rest @ rest + by_one @ by_one - np.trace(inverse))
-        reach, sill, *fleeting = lower_slopes(
-            *self._of_place_and_time(at), inverse.T, rest, by_one
-        ).tolist()
+        reach, sill, *fleeting = self._slopes(at, inverse.T, rest, by_one)
         shares = [
             float(np.exp(log_share))
             * (float(rest @ one @ rest + by_one @ one @ by_one) - _product(inverse, one))
@@ -221,18 +231,34 @@ class Posterior:
         """Covariance (n, n) of the values, on and below the diagonal; entries above it are
         undefined.
         """
-        matrix = lower_covariance(*self._of_place_and_time(at))
+        if self.places > 1:
+            matrix = lower_covariance_of_means(*self._of_place(at), self.places)
+        else:
+            matrix = lower_covariance(*self._of_place_and_time(at))
         for log_share, common in zip(at[3:].tolist(), self.common, strict=False):
             matrix += np.exp(log_share) * common
         matrix[np.diag_indices(len(matrix))] += np.exp(at[2])
+        if self.known is not None:
+            matrix += self.known
         return matrix
+
+    def _slopes(self, at: Array, inverse: Array, rest: Array, by_one: Array) -> list[float]:
+        """The sums of `lower_slopes`, or of `lower_slopes_of_means`."""
+        if self.places > 1:
+            of_place = self._of_place(at)
+            return lower_slopes_of_means(*of_place, self.places, inverse, rest, by_one).tolist()
+        return lower_slopes(*self._of_place_and_time(at), inverse, rest, by_one).tolist()
+
+    def _of_place(self, at: Array) -> tuple[int, float, float, float, Array]:
+        """The first arguments of `lower_covariance` and `lower_slopes` for these parameters."""
+        share, sill = np.exp(at[:2]).tolist()
+        return KINDS.index(self.kind), sill, share * self.extent_m, JITTER, self.distance
 
     def _of_place_and_time(
         self, at: Array
     ) -> tuple[int, float, float, float, Array, float, float, Array]:
-        """The arguments of `lower_covariance` and `lower_slopes` for these parameters."""
-        share, sill = np.exp(at[:2]).tolist()
-        place = KINDS.index(self.kind), sill, share * self.extent_m, JITTER, self.distance
+        """All their arguments, with the fleeting process, if there is one."""
+        place = self._of_place(at)
         if self.apart_s is None:
             return *place, 0.0, 1.0, np.empty((0, 0))
         passing, memory = np.exp(at[-2:]).tolist()

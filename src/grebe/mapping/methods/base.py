@@ -34,7 +34,8 @@ class Readings:
 
     `extra_sd` (n,): standard deviation of a value's error in addition to the sensor's noise.
     `moment_s`: the time [unix s] of the field to make from them; None: at each place, the time when
-    the boat was near.
+    the boat was near. `spread_m`: if each value is a mean of the water over a stretch of the path,
+    the mean distance between two places of that stretch.
     """
 
     positions: Array
@@ -42,6 +43,7 @@ class Readings:
     times: Array | None = None
     extra_sd: Array | None = None
     moment_s: float | None = None
+    spread_m: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.values)
@@ -61,6 +63,7 @@ class Readings:
             times=None if self.times is None else self.times[chosen],
             extra_sd=None if self.extra_sd is None else self.extra_sd[chosen],
             moment_s=self.moment_s,
+            spread_m=self.spread_m,
         )
 
 
