@@ -31,9 +31,24 @@ def waves(places, seed):
     return np.sqrt(2 / 60) * np.cos(places @ waves.T + phases).sum(axis=1)
 
 
-def read(seed, drift=0.0, lag_s=0.0):
+def slowly(constant_s, seed, parts=20):
+    """What a first-order sensor without noise reads each second, from the water at the places of
+    the lanes, which are sailed in straight lines; `parts` steps a second.
+    """
+    places, times = lanes()
+    fine = np.linspace(0.0, times[-1], parts * (len(times) - 1) + 1)
+    water = waves(np.column_stack([np.interp(fine, times, one) for one in places.T]), seed)
+    kept, found = np.exp(-1.0 / (parts * constant_s)), water.copy()
+    for i in range(1, len(fine)):
+        # Exact for water that is constant within a step, at its mean there.
+        found[i] = kept * found[i - 1] + (1 - kept) * 0.5 * (water[i - 1] + water[i])
+    return found[::parts]
+
+
+def read(seed, drift=0.0, lag_s=0.0, constant_s=0.0):
     places, times = lanes()
     rng = np.random.default_rng([seed, 1])
     at = earlier(times, places, lag_s) if lag_s else places
-    values = waves(at, seed) + drift * (times / times[-1] - 0.5) + rng.normal(0, 0.03, len(times))
+    seen = slowly(constant_s, seed) if constant_s else waves(at, seed)
+    values = seen + drift * (times / times[-1] - 0.5) + rng.normal(0, 0.03, len(times))
     return Readings(positions=places, values=values, times=1.6e9 + times)

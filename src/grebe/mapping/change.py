@@ -8,6 +8,10 @@ third process holds the differences of two passes within minutes. It is distingu
 change and left in the readings: no time of the survey is free of it. A sensor's lag is estimated
 in the same way: opposing lines agree at the places where the boat was some seconds before.
 
+A sensor that responds slowly also
+smooths; if the likelihood favours that over a delay, the water behind its readings is restored
+(`grebe.mapping.slow_sensor`).
+
 A change or a lag is used only if the likelihood clearly favours it. How large a change could have
 gone undetected is reported.
 """
@@ -23,12 +27,12 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import bisect
 from scipy.spatial import KDTree
 
-from grebe.mapping.covariance.models import Fleeting
 from grebe.mapping.covariance.noise import median_noise_variance
 from grebe.mapping.covariance.posterior import Posterior, thinned
 from grebe.mapping.covariance.variogram import fit_variogram
 from grebe.mapping.methods.base import Readings
-from grebe.mapping.response_time import FLEETING, find_response
+from grebe.mapping.response_time import find_response
+from grebe.mapping.shared_in_time import fleeting, slow
 from grebe.mapping.slow_sensor import Response, restored
 from grebe.mapping.way import earlier
 
@@ -54,8 +58,6 @@ KNOTS = 24
 FEWEST = 60
 # A slow change needs few readings, if they come from the whole time.
 MOST_SAMPLES = 240
-# How slow a change is, as a share of the survey's time.
-SLOW = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +66,8 @@ class Change:
 
     `moment_s`: the map's time [unix s]. `mean` (p,) and `covariance` (p, p) are those of the change
     at `times` (p,) [unix s], on the readings' scale; the change is 0 at `moment_s`. `lag_s`: the
-    sensor's lag. `gain` and `lag_gain`: what change and lag add to the log likelihood. `unseen_sd`:
+    sensor's delay. `gain` and `lag_gain`: what change and delay add to the log likelihood.
+    `response`: the sensor's slow response, if it has one; the delay is then 0. `unseen_sd`:
     the standard deviation, over the whole survey, of the largest change that the samples do not
     rule out; infinite if they rule out none.
     """
@@ -105,8 +108,15 @@ class Change:
             covariance=less @ self.covariance @ less.T,
         )
 
+    @property
+    def is_late(self) -> bool:
+        """Whether the samples clearly favour a sensor that is late or slow."""
+        return self.response is not None or self.lag_s > 0
+
     def placed(self, readings: Readings) -> Readings:
-        """The readings at the places where the sensor took them, and as a fast one gives them."""
+        """The readings at the places where the sensor took them; of a slow sensor, the water that a
+        fast one would have read.
+        """
         if readings.times is None:
             return readings
         if self.response is not None:
@@ -295,8 +305,8 @@ class _Problem:
         seen = times[self.chosen]
         span_s = float(np.ptp(times))
         size = float(np.exp(at[4]))
-        between = size * _slow(knots, seen, span_s)
-        between = between - size * _slow(np.array([moment_s]), seen, span_s)
+        between = size * slow(knots, seen, span_s)
+        between = between - size * slow(np.array([moment_s]), seen, span_s)
         matrix = self.posterior.covariance(at)
         factor = cho_factor(matrix, lower=True)
         ones = np.ones(len(seen))
@@ -320,22 +330,15 @@ def _posterior(
     noise = median_noise_variance(positions, readings.values)
     seen = times[chosen]
     span_s = float(np.ptp(times))
-    fleeting = Fleeting(variance=1.0, memory_s=FLEETING * span_s)
-    common = (fleeting.covariance(seen, seen), _slow(seen, seen, span_s))
+    common = (fleeting(seen, span_s), slow(seen, seen, span_s))
     return Posterior.of(positions[chosen], readings.values[chosen], kind, noise, common)
-
-
-def _slow(a: Array, b: Array, span_s: float) -> Array:
-    """Correlation (n, m) of a slow change at some times: Matérn 5/2."""
-    x = np.sqrt(5.0) * np.abs(a[:, None] - b[None, :]) / (SLOW * span_s)
-    return (1 + x + x**2 / 3) * np.exp(-x)
 
 
 def _since(times: Array, moment_s: float, span_s: float) -> Array:
     """Covariance (n, n) of the change since a given time, for a variance of 1."""
     at = np.array([moment_s])
-    to_moment = _slow(times, at, span_s)
-    return _slow(times, times, span_s) - to_moment - to_moment.T + _slow(at, at, span_s)
+    to_moment = slow(times, at, span_s)
+    return slow(times, times, span_s) - to_moment - to_moment.T + slow(at, at, span_s)
 
 
 def _with_share(posterior: Posterior, at: Array) -> Array:

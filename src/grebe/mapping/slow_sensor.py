@@ -117,6 +117,7 @@ def in_order(readings: Readings) -> Readings:
         times=readings.times[order],
         positions=readings.positions[order],
         values=readings.values[order],
+        extra_sd=None if readings.extra_sd is None else readings.extra_sd[order],
     )
 
 

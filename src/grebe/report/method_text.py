@@ -106,13 +106,17 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
         said.append(t("unchanged", change=by, unit=after_number(one.quantity.unit)))
     elif change.gain or change.lag_gain:
         said.append(t("change_untold"))
-    if change.lag_s:
+    if change.response is not None:
+        constant_s, sd_s = change.response.constant_s, change.response.sd_s
+        told = {"constant": significant(constant_s, 2), "error": significant(sd_s, 1)}
+        said.append(t("slow", **{name: t.number(one) for name, one in told.items()}))
+    elif change.lag_s:
         said.append(t("late", lag=t.number(f"{change.lag_s:g}")))
     if one.is_of_moment:
         moment = datetime.fromtimestamp(change.moment_s, UTC)
-        name = "of_moment" if change.is_heeded or change.lag_s else "of_moment_alone"
+        name = "of_moment" if change.is_heeded or change.is_late else "of_moment_alone"
         said.append(t(name, moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
-    elif change.is_heeded or change.lag_s:
+    elif change.is_heeded or change.is_late:
         said.append(t("as_measured"))
     return said
 

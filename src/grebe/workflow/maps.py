@@ -262,7 +262,12 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
                 f"{name}: the water as a whole seems to have changed by {one.changed_by:.2g}{unit} "
                 "during the survey; a map of one moment corrects for that"
             )
-        if change.lag_s:
+        if change.response is not None:
+            notes.append(
+                f"{name}: the readings are those of a slow sensor, with a time constant of "
+                f"{change.response.constant_s:.2g} s; a map of one moment undoes its smoothing"
+            )
+        elif change.lag_s:
             notes.append(
                 f"{name}: opposing lanes agree best at a delay of {change.lag_s:g} s; a map of one "
                 "moment corrects for that, or record it as the sensor's lag"
@@ -298,7 +303,7 @@ def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list
 
 
 def _change_numbers(one: QuantityMap) -> dict[str, Any]:
-    change = one.change
+    change, response = one.change, one.change.response
     unseen = change.unseen_sd
     return {
         "moment": datetime.fromtimestamp(change.moment_s, UTC).isoformat()
@@ -309,6 +314,7 @@ def _change_numbers(one: QuantityMap) -> dict[str, Any]:
         "unseen_sd_at_most": one.in_unit(unseen) if np.isfinite(unseen) else None,
         "sensor_lag_s": change.lag_s or None,
         "lag_log_likelihood_gain": change.lag_gain,
+        "sensor_response": vars(response) if response else None,
     }
 
 
