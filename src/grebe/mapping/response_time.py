@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 # Delays and time constants to compare [s].
 DELAYS_S = (0.0, 2.0, 4.0, 7.0, 10.0, 14.0, 20.0, 30.0)
 CONSTANTS_S = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-# Log likelihood that a slow response must add to no lag and to any delay: at a first look, which
+# Log likelihood that a slow response must add to a sensor that is not slow: at a first look, which
 # has fewer readings, and finally.
 FIRST_GAIN, CLEAR_GAIN = 2.0, 4.0
 # To restore the water by a time constant with a larger relative error than this would not help.
@@ -48,10 +48,12 @@ GROUPS, STRETCHES, GROUP_SHARE = 360, 4, 0.5
 # Where the search for a slow change begins, and that for a wandering sensor: shares of the values'
 # variance, and memories as multiples of the expected one.
 SLOW_SHARE, WANDER_SHARES, WANDER_MEMORIES = 1e-3, (0.01, 0.1, 1.0), (0.3, 1.0, 3.0)
+# Fewer joined groups determine nothing.
+FEWEST = 30
 # How many usual distances apart two groups are at most.
 FAR_STEPS = 1.5
 # Steps of the logarithm of the time constant by which its estimate is approached, and their number.
-FIRST_STEP, LAST_STEP, MOST_STEPS = 0.4, 0.1, 8
+FIRST_STEP, LAST_STEP, MOST_STEPS = 0.4, 0.1, 5
 # What a mean of the water over two groups lacks of the water midway, as a share of its variance:
 # where the search for it begins.
 LACK_SHARE = 0.01
@@ -74,10 +76,7 @@ def find_response(readings: Readings, start: Array) -> Response | None:
         return None
     ages = ages_of(constant_s, CONFIRMED.places)
     gained = max(CONFIRMED.highest(readings, ages, kind, at)[0] for kind in KINDS)
-    gain = gained - max(
-        max(CONFIRMED.highest_late(readings, kind, start), CONFIRMED.wandering(readings, kind, at))
-        for kind in KINDS
-    )
+    gain = gained - max(CONFIRMED.highest_fast(readings, kind, start) for kind in KINDS)
     return Response(constant_s=constant_s, sd_s=sd_s, gain=gain) if gain > CLEAR_GAIN else None
 
 
@@ -91,8 +90,8 @@ def ages_of(constant_s: float, count: int) -> Array:
 
 
 def _first_look(readings: Readings, start: Array) -> tuple[float | None, Array]:
-    """The best of a few time constants and the parameters there; None if it is hardly better than a
-    delay.
+    """The best of a few time constants and the parameters there; None if it is hardly better than
+    a sensor that is not slow.
     """
     best, constant, best_at = -np.inf, CONSTANTS_S[0], start
     at = start
@@ -101,8 +100,8 @@ def _first_look(readings: Readings, start: Array) -> tuple[float | None, Array]:
         density, at = FIRST.highest(readings, ages, KINDS[0], at)
         if density > best:
             best, constant, best_at = density, constant_s, at
-    late = FIRST.highest_late(readings, KINDS[0], start)
-    return (constant if best > late + FIRST_GAIN else None), best_at
+    fast = FIRST.highest_fast(readings, KINDS[0], start)
+    return (constant if best > fast + FIRST_GAIN else None), best_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +149,12 @@ class _Comparison:
         at, values = np.stack(places, axis=1), readings.values[chosen]
         return at, values, noise, times[chosen], float(np.ptp(times))
 
-    def highest_late(self, readings: Readings, kind: str, start: Array) -> float:
-        """The highest log posterior of any delay, or of none."""
-        found = [self.highest(readings, np.array([one]), kind, start) for one in DELAYS_S]
-        return max(density for density, _ in found)
+    def highest_fast(self, readings: Readings, kind: str, start: Array) -> float:
+        """The highest log posterior of a sensor that is not slow: of any delay, of none, and of one
+        that wanders.
+        """
+        late = [self.highest(readings, np.array([one]), kind, start)[0] for one in DELAYS_S]
+        return max(*late, self.wandering(readings, kind, start))
 
 
 FIRST, CONFIRMED = _Comparison(readings=120, places=5), _Comparison(readings=240, places=8)
@@ -165,6 +166,8 @@ def _estimated(readings: Readings, constant_s: float, start: Array) -> tuple[flo
     """
     log_constant = float(np.log(constant_s))
     profiles = [_Profile.of(readings, constant_s, kind) for kind in KINDS]
+    if np.sum(profiles[0].groups.joined) < FEWEST:
+        return constant_s, np.inf
     profile = max(profiles, key=lambda one: one.at(constant_s, start)[0])
     step = FIRST_STEP
     for _ in range(MOST_STEPS):
@@ -230,7 +233,7 @@ def _steady(groups: Groups) -> Groups:
     midway.
     """
     apart = np.hypot(*np.diff(groups.positions, axis=0).T)
-    usual = float(np.median(apart[groups.joined]))
+    usual = np.sum(apart, where=groups.joined) / max(np.sum(groups.joined), 1)
     return replace(groups, joined=groups.joined & (apart <= FAR_STEPS * usual))
 
 

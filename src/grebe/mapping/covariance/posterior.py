@@ -112,7 +112,8 @@ class Posterior:
     over `memory_s`.
 
     If each value is the mean of the signal over `places` > 1 places, `distance` (n places,
-    n places) is that of all of these, value by value; there is then no fleeting process.
+    n places) is that of all of these, value by value; there is then no fleeting process. `known`
+    (n, n) is the covariance of errors that are known, over the variance of the values.
     """
 
     distance: Array
