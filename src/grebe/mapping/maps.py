@@ -285,7 +285,7 @@ def _micro_sd(found: Best, readings: Readings, scale: Scale, resolution: float) 
 
 def _sd_within(model: Model, spread_m: float) -> float:
     """Standard deviation of the water about its mean over the stretch that a value comes from: the
-    mean semivariance within that (Chiles and Delfiner 2012, section 2.7, dispersion variance).
+    mean semivariance within that (Chiles and Delfiner 2012: dispersion variance).
     """
     if spread_m == 0 or model.semivariance is None:
         return 0.0

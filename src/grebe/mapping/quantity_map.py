@@ -65,7 +65,7 @@ class QuantityMap:
     lines. `change` is the change of all the water during the survey, and the sensor's lag. If
     `is_of_moment`, both are removed and the map is of the time `change.moment_s`; if not, each
     place is as it was when the boat was near. `readings` are those that made the map, brought to
-    its time.
+    its time; of a slow sensor, the water restored from them.
 
     `mean`, `sd` and the properties are in the quantity's unit. `field`, `model`, `readings`,
     `change` and `micro_sd` are on the map's `scale`, on which the water is normally distributed

@@ -4,7 +4,7 @@ Whether a sensor is slow is a comparison of what its readings are means of. Thos
 are of the water at one place, those of a late one of the water some seconds back, and those of a
 slow one (`grebe.mapping.slow_sensor`) of the water at all places before, of which a few stand for
 equal shares. The covariances of readings are the means of the water's, and their likelihood decides
-(Rasmussen and Williams 2006, section 9.8, for linear functionals of a Gaussian process). Unlike a
+(Rasmussen and Williams 2006, section 9.8, for integrals of a Gaussian process). Unlike a
 delay, a slow response also smooths.
 
 How slow it is follows from the likelihood of the readings themselves. To restore the water is to
