@@ -64,7 +64,6 @@ CASES = {
     "a sensor 10 s late": Case(delay_s=10),
     "a sensor with a time constant of 3 s": Case(constant_s=3.0),
     "a sensor with a time constant of 10 s": Case(constant_s=10.0),
-    "a sensor with a time constant of 20 s": Case(constant_s=20.0),
     "a sensor with a time constant of 60 s": Case(constant_s=60.0),
 }
 FIELDS = ("exponential", "Matern 3/2")
