@@ -8,9 +8,9 @@ third process holds the differences of two passes within minutes. It is distingu
 change and left in the readings: no time of the survey is free of it. A sensor's lag is estimated
 in the same way: opposing lines agree at the places where the boat was some seconds before.
 
-A sensor that responds slowly also
-smooths; if the likelihood favours that over a delay, the water behind its readings is restored
-(`grebe.mapping.slow_sensor`).
+A sensor that responds slowly also smooths. If the likelihood favours that over a delay, the water
+behind its readings is restored (`grebe.mapping.slow_sensor`). This takes seconds, so it is examined
+only for a map of one moment, from which a lag is removed.
 
 A change or a lag is used only if the likelihood clearly favours it. How large a change could have
 gone undetected is reported.
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -162,12 +162,14 @@ def no_change(readings: Readings, moment_s: float | None = None) -> Change:
 
 
 @lru_cache(maxsize=16)
-def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
+def fit_change(readings: Readings, moment: float | Literal["middle"] | None = None) -> Change:
     """Estimate the change of all the water and the sensor's lag.
 
-    If no time is given, the map's time is the middle of the readings' time. If the readings have
-    no times, or are too few, no change is returned.
+    `moment`: the map's time [unix s], or the middle of the readings' time, which is also that of a
+    map of no moment (None). For such a map the lag is a delay; otherwise the sensor may be slow.
+    If the readings have no times, or are too few, no change is returned.
     """
+    moment_s = None if moment == "middle" else moment
     still = no_change(readings, moment_s)
     if readings.times is None or len(readings) < FEWEST or np.ptp(readings.values) == 0:
         return still
@@ -179,7 +181,7 @@ def fit_change(readings: Readings, moment_s: float | None = None) -> Change:
     except ValueError:
         return still
     lag_s, lag_gain = problem.lag()
-    response = find_response(readings, problem.plain)
+    response = None if moment is None else find_response(readings, problem.plain)
     used = readings
     if response is not None:
         lag_s, used = 0.0, restored(readings, response)

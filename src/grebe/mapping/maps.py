@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 A = TypeVar("A")
 R = TypeVar("R")
 
+# A map's time [unix s], or the middle of the survey.
+Moment = float | Literal["middle"]
 # Readings of other quantities, by key.
 Beside = Sequence[tuple[str, Readings]]
 
@@ -75,8 +77,8 @@ class MapSettings:
 
     method: Method | tuple[Method, ...] | None = None
     choice: Choice = field(default_factory=ByShore)
-    change: Callable[[Readings, float | None], Change] = fit_change
-    moment: float | Literal["middle"] | None = None
+    change: Callable[[Readings, Moment | None], Change] = fit_change
+    moment: Moment | None = None
     scale: Scale | None = None
     shore_depth_sd_m: float | None = None
     together: tuple[str, ...] = ()
@@ -213,7 +215,7 @@ class Mapper:
         moment = self.settings.moment
         if is_bed and moment is None:
             return no_change(readings)
-        return self.settings.change(readings, None if moment == "middle" else moment)
+        return self.settings.change(readings, moment)
 
     def _best(
         self, readings: Readings, scale: Scale, beside: Beside, *, is_bed: bool
@@ -293,7 +295,7 @@ def _sd_within(model: Model, spread_m: float) -> float:
     return float(np.sqrt(max(varies, 0.0)))
 
 
-def _refuse_moment(moment: float | Literal["middle"] | None, times: Array) -> None:
+def _refuse_moment(moment: Moment | None, times: Array) -> None:
     """Reject a time at which nobody measured: nothing is known of the water then."""
     if moment is None or moment == "middle" or not len(times):
         return

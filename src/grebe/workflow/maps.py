@@ -262,15 +262,11 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
                 f"{name}: the water as a whole seems to have changed by {one.changed_by:.2g}{unit} "
                 "during the survey; a map of one moment corrects for that"
             )
-        if change.response is not None:
-            notes.append(
-                f"{name}: the readings are those of a slow sensor, with a time constant of "
-                f"{change.response.constant_s:.2g} s; a map of one moment undoes its smoothing"
-            )
-        elif change.lag_s:
+        if change.lag_s:
             notes.append(
                 f"{name}: opposing lanes agree best at a delay of {change.lag_s:g} s; a map of one "
-                "moment corrects for that, or record it as the sensor's lag"
+                "moment corrects for that, and for the smoothing of a slow sensor; or record it as "
+                "the sensor's lag"
             )
     return notes
 
