@@ -118,8 +118,8 @@ def test_the_bed_does_not_change_but_where_a_moment_is_asked_for():
         Mapper(LAKE, make_grid(LAKE, 5.0), MapSettings(moment=moment)).map_quantity(*given)
         for moment in (None, "middle")
     ]
-    assert not found[0].change.is_heeded
-    assert found[1].change.is_heeded
+    assert not found[0].change.is_significant
+    assert found[1].change.is_significant
 
 
 def test_a_method_of_one_noise_says_so_and_an_impossible_sd_is_refused():

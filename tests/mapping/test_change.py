@@ -19,7 +19,7 @@ from grebe.mapping.methods.choice import KRIGING
 def test_a_drift_of_all_the_water_is_found(seed):
     given = read(seed, drift=1.5)
     change = fit_change(given)
-    assert change.is_heeded
+    assert change.is_significant
     mean, sd = change.at(given.times)
     truth = 1.5 * (given.times - change.moment_s) / np.ptp(given.times)
     assert np.sqrt(np.mean((mean - truth) ** 2)) < 0.15
@@ -30,7 +30,7 @@ def test_a_drift_of_all_the_water_is_found(seed):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nothing_is_made_up_of_water_that_stays_as_it_is(seed):
     change = fit_change(read(seed))
-    assert not change.is_heeded
+    assert not change.is_significant
     assert change.lag_s == 0
     # And an undetected change is smaller than the field's own variation.
     assert change.unseen_sd < 1.5
@@ -49,7 +49,7 @@ def test_a_smooth_plume_is_no_change(seed):
     values = np.log(2 + 30 * plume) + rng.normal(0, 0.02, len(places))
     times = 1.6e9 + 3.0 * np.arange(len(places))
     given = Readings(positions=places, values=values, times=times)
-    assert not fit_change(given).is_heeded
+    assert not fit_change(given).is_significant
 
 
 @pytest.mark.parametrize("lag_s", [6.0, 12.0])
@@ -84,8 +84,8 @@ def test_a_map_of_one_moment_holds_the_water_of_that_moment():
 def test_without_times_nothing_is_said():
     given = read(1, drift=1.5)
     untimed = Readings(positions=given.positions, values=given.values)
-    assert not fit_change(untimed).is_heeded
-    assert not no_change(untimed).is_heeded
+    assert not fit_change(untimed).is_significant
+    assert not no_change(untimed).is_significant
 
 
 def test_the_moment_is_where_the_change_is_none():

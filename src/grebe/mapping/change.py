@@ -83,7 +83,7 @@ class Change:
     unseen_sd: float = np.inf
 
     @property
-    def is_heeded(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the samples clearly favour a change of all the water."""
         return bool(np.any(self.covariance > 0))
 
@@ -127,7 +127,7 @@ class Change:
 
     def reduced(self, readings: Readings) -> Readings:
         """The readings as they would have been at the map's time."""
-        if readings.times is None or not self.is_heeded:
+        if readings.times is None or not self.is_significant:
             return readings
         return replace(readings, values=readings.values - self.at(readings.times)[0])
 
@@ -135,14 +135,14 @@ class Change:
         """Standard deviation (m,) that the change adds at places (m, 2): that at the time of the
         nearest reading, because all readings near a place share its error.
         """
-        if readings.times is None or not self.is_heeded:
+        if readings.times is None or not self.is_significant:
             return np.zeros(len(places))
         nearest = KDTree(readings.positions).query(places)[1]
         return self.at(readings.times)[1][nearest]
 
     def draws_near(self, readings: Readings, places: Array, count: int, seed: int) -> Array:
         """Equally likely errors of the change at places, (count, m)."""
-        if readings.times is None or not self.is_heeded:
+        if readings.times is None or not self.is_significant:
             return np.zeros((count, len(places)))
         nearest = KDTree(readings.positions).query(places)[1]
         when = readings.times[nearest]

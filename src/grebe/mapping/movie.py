@@ -61,7 +61,7 @@ def moments_of(times: Array, every_s: float) -> Array:
 
 def shows_change(one: QuantityMap) -> bool:
     """Whether the samples show how a quantity changed; without that, a movie does not move."""
-    return one.is_of_moment and one.change.is_heeded
+    return one.is_of_moment and one.change.is_significant
 
 
 def movie_of(still: QuantityMap, moments_s: Array) -> Movie:

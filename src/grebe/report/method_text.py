@@ -98,7 +98,7 @@ def _together(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
 def _changed(one: QuantityMap, t: Texts) -> list[str]:
     """Sentences on the water's change during the survey, the sensor's lag, and their correction."""
     change, said = one.change, list[str]()
-    if change.is_heeded:
+    if change.is_significant:
         by = t.number(significant(one.changed_by, 2))
         said.append(t("changed", change=by, unit=after_number(one.quantity.unit)))
     elif np.isfinite(change.unseen_sd):
@@ -114,9 +114,9 @@ def _changed(one: QuantityMap, t: Texts) -> list[str]:
         said.append(t("late", lag=t.number(f"{change.lag_s:g}")))
     if one.is_of_moment:
         moment = datetime.fromtimestamp(change.moment_s, UTC)
-        name = "of_moment" if change.is_heeded or change.is_late else "of_moment_alone"
+        name = "of_moment" if change.is_significant or change.is_late else "of_moment_alone"
         said.append(t(name, moment=f"{moment:%Y-%m-%d %H:%M} UTC"))
-    elif change.is_heeded or change.is_late:
+    elif change.is_significant or change.is_late:
         said.append(t("as_measured"))
     return said
 

@@ -256,7 +256,7 @@ def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
         name, change = one.quantity.label, one.change
         if one.is_of_moment:
             continue
-        if change.is_heeded:
+        if change.is_significant:
             unit = f" {one.quantity.unit}" if one.quantity.unit else ""
             notes.append(
                 f"{name}: the water as a whole seems to have changed by {one.changed_by:.2g}{unit} "
@@ -305,7 +305,7 @@ def _change_numbers(one: QuantityMap) -> dict[str, Any]:
         "moment": datetime.fromtimestamp(change.moment_s, UTC).isoformat()
         if one.is_of_moment
         else None,
-        "during_survey": one.changed_by if change.is_heeded else None,
+        "during_survey": one.changed_by if change.is_significant else None,
         "log_likelihood_gain": change.gain,
         "unseen_sd_at_most": one.in_unit(unseen) if np.isfinite(unseen) else None,
         "sensor_lag_s": change.lag_s or None,

@@ -212,7 +212,7 @@ def _moment(one: QuantityMap) -> str:
     change = one.change
     if one.is_of_moment:
         return datetime.fromtimestamp(change.moment_s, UTC).isoformat()
-    if change.is_heeded:
+    if change.is_significant:
         return (
             "each place as it was measured; all of the water seems to have changed by "
             f"{one.changed_by:.3g} during the survey"
