@@ -48,7 +48,7 @@ def test_compared_surveys_have_equal_duration_or_length(hand, monkeypatch):
             method=method, positions=places, length_m=outcome.length_m, duration_s=outcome.time_s
         )
 
-    monkeypatch.setattr(claim, "flown", as_planned)
+    monkeypatch.setattr(claim, "sailed", as_planned)
     driven, timed, length = claim.samplings(hand)
     assert timed.duration_s <= driven.duration_s
     assert 0.9 * driven.length_m < length.length_m <= driven.length_m

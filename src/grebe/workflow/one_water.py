@@ -12,11 +12,12 @@ from grebe.io.store import SurveyFile
 
 def refuse_other_water(survey_file: SurveyFile, *, simulated: bool) -> None:
     """Raise `SurveyFileError` if a mission would add simulated readings to measured ones, or
-    measured ones to simulated ones.
+    measured ones to simulated ones. A file that does not say which it holds may take either.
     """
-    if not survey_file.count("samples"):
+    water = survey_file.meta().get("water", "")
+    if not water or not survey_file.count("samples"):
         return
-    held = is_simulated(survey_file.meta().get("water", ""))
+    held = is_simulated(water)
     if held and not simulated:
         raise SurveyFileError(
             f"{survey_file.path} holds readings of simulated water, and those of a real boat would "
