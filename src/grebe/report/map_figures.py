@@ -114,7 +114,9 @@ def quantity_figure(
     right.set_ylabel("")
     worst = _worst(one, thresholds)
     width = 3 if worst is None else 2
-    _draw_histogram(figure.add_subplot(grid[1, :width]), one, thresholds, texts)
+    histogram = figure.add_subplot(grid[1, :width])
+    _draw_histogram(histogram, one, thresholds, texts)
+    histogram.locator_params(axis="x", nbins=2 * width)
     if worst is not None:
         _draw_concern(figure, figure.add_subplot(grid[1, 2:4]), survey, one, worst, texts)
     _draw_variogram(figure.add_subplot(grid[1, -width:]), one, texts)
@@ -169,7 +171,6 @@ def _draw_histogram(
         if low <= threshold.value <= high:
             axes.axvline(threshold.value, color=VERMILLION, lw=1.4, ls="--")
     axes.set_xlim(low, high)
-    axes.locator_params(axis="x", nbins=4)
     axes.set_title(f"{texts['histogram_title']} [%]")
     axes.set_xlabel(one.quantity.unit or one.quantity.label_in(texts.language))
 

@@ -243,8 +243,8 @@ def _paragraph(data: ReportData, t: Texts) -> str:
         "paragraph",
         name=data.survey.name,
         area=t.number(f"{data.survey.water.area / 1e4:.2f}"),
-        lat=t.number(f"{data.survey.frame.origin_lat_deg:.4f}"),
-        lon=t.number(f"{data.survey.frame.origin_lon_deg:.4f}"),
+        lat=_degrees(data.survey.frame.origin_lat_deg, 4, t["north_south"], t),
+        lon=_degrees(data.survey.frame.origin_lon_deg, 4, t["east_west"], t),
         first=moment_text(float(samples.times.min())),
         last=moment_text(float(samples.times.max())),
         vessel=t["a_boat"] if vessel is None else t("a_vessel", vessel=vessel.name),
@@ -259,6 +259,11 @@ def _paragraph(data: ReportData, t: Texts) -> str:
         held = [one.coverage95 for one in validated]
         text += " " + t("paragraph_checked", least=t.share(min(held)), most=t.share(max(held)))
     return f"{t['simulated']} {text}" if data.is_simulated else text
+
+
+def _degrees(value_deg: float, decimals: int, sides: str, t: Texts) -> str:
+    """Format a latitude or longitude; `sides` has the letters of its positive and negative side."""
+    return f"{t.number(f'{abs(value_deg):.{decimals}f}')}° {sides[value_deg < 0]}"
 
 
 def _method_name(one: QuantityMap, t: Texts) -> str:
@@ -337,8 +342,8 @@ def _measured(data: ReportData, t: Texts) -> list[tuple[str, str]]:
         (t["sensors"], meta.get("sensors", unknown)),
         (t["positions"], meta.get("positions", unknown)),
         (t["water"], meta.get("water", unknown)),
-        (t["crs"], t("crs_text", lat=t.number(f"{frame.origin_lat_deg:.6f}"),
-                     lon=t.number(f"{frame.origin_lon_deg:.6f}"))),
+        (t["crs"], t("crs_text", lat=_degrees(frame.origin_lat_deg, 6, t["north_south"], t),
+                     lon=_degrees(frame.origin_lon_deg, 6, t["east_west"], t))),
         (t["software"], f"Grebe {meta.get('software_version', '')}"),
         (t["configuration"], meta.get("configuration_hash", "")[:12]),
         (t["survey_id"], f"{meta.get('survey_id', '')}, {meta.get('created', '')}"),
