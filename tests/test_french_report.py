@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from grebe.cli.main import grebe
+from grebe.core.frames import LocalFrame
 from grebe.core.quantities import LIMNOLOGICAL
 from grebe.mapping.covariance.drift import linear
 from grebe.mapping.grid import make_grid
@@ -83,16 +84,30 @@ def test_why_a_quantity_was_left_out_is_stated_with_its_french_name():
 
 @pytest.fixture
 def survey(tmp_path):
+    return imported(tmp_path, FRAME)
+
+
+def imported(folder, frame):
     given = readings()
-    lonlat = FRAME.to_wgs84(given.positions)
-    with (tmp_path / "track.csv").open("w", newline="") as file:
+    lonlat = frame.to_wgs84(given.positions)
+    with (folder / "track.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time", "latitude", "longitude", "temperature_degc", "ph"])
         for k, (lon, lat) in enumerate(lonlat):
             values = 18 + 0.1 * given.values[k], 7.5 + 0.02 * given.values[k]
             writer.writerow([1.6e9 + 60 * k, lat, lon, *values])
-    import_track(tmp_path / "track.csv", tmp_path / "lake.gpkg")
-    return tmp_path / "lake.gpkg"
+    import_track(folder / "track.csv", folder / "lake.gpkg")
+    return folder / "lake.gpkg"
+
+
+@pytest.mark.parametrize(("language", "west"), [("en", r"\.\d+° W"), ("fr", r",\d+° O")])
+def test_a_lake_south_and_west_is_told_by_letters_and_not_by_signs(tmp_path, language, west):
+    lake = imported(tmp_path, LocalFrame(origin_lon_deg=-72.0, origin_lat_deg=-43.0))
+    page = tmp_path / "page.html"
+    words = ["-o", str(page), "--resolution", "10", "--language", language]
+    assert CliRunner().invoke(grebe, ["report", str(lake), *words]).exit_code == 0
+    placed = rf"\b4[23][.,]\d+° S, 7[12]{west}"
+    assert len(re.findall(placed, page.read_text())) == 2
 
 
 def test_no_picture_of_a_french_report_has_a_decimal_point(survey, tmp_path, monkeypatch):
