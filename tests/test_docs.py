@@ -89,3 +89,8 @@ def test_commands_in_the_readme_exist():
 
 def test_every_preset_names_its_source():
     assert all(vessel.source for vessel in PRESETS.values())
+
+
+def test_a_name_of_version_0_1_still_serves_and_says_its_new_one():
+    with pytest.warns(DeprecationWarning, match=r"grebe\.fly is now grebe\.simulate"):
+        assert grebe.fly is grebe.simulate

@@ -8,6 +8,7 @@ lists them. Each is imported on first use, so `import grebe` is quick.
 from __future__ import annotations
 
 import importlib
+import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -112,6 +113,8 @@ _HOME = {
     "write_plan": "workflow.plans",
     "write_report": "report.page",
 }
+# Names of version 0.1 and those that replaced them.
+_RENAMED = {"fly": "simulate"}
 
 __all__ = [
     "BUILTIN",
@@ -178,6 +181,10 @@ __all__ = [
 def __getattr__(name: str) -> object:
     if name == "__version__":
         return importlib.import_module("importlib.metadata").version("grebe")
+    if name in _RENAMED:
+        new = _RENAMED[name]
+        warnings.warn(f"grebe.{name} is now grebe.{new}", DeprecationWarning, stacklevel=2)
+        name = new
     if name not in _HOME:
         raise AttributeError(f"module 'grebe' has no attribute {name!r}")
     return getattr(importlib.import_module(f"grebe.{_HOME[name]}"), name)
