@@ -50,15 +50,21 @@ def test_a_report_says_of_a_track_what_it_is_of(china: Path, tmp_path: Path) -> 
         assert english not in text
 
 
-def test_one_quantity_is_reported_in_the_singular(tmp_path: Path) -> None:
+def imported(folder: Path, pause_s: int = 0, across: float = 0.0) -> Path:
+    """A survey of temperature in ten rows, with a pause in the middle, and a slope across them."""
     rows = [
-        f"{1_600_000_000 + k},{44.4 + 1e-5 * (k % 20):.5f},{-69.6 + 1e-5 * (k // 20):.5f},"
-        f"{20 + 0.01 * (k % 20):.3f}"
+        f"{1_600_000_000 + pause_s * (k // 100) + k},{44.4 + 1e-5 * (k % 20):.5f},"
+        f"{-69.6 + 1e-5 * (k // 20):.5f},{20 + 0.01 * (k % 20) + across * (k // 20):.3f}"
         for k in range(200)
     ]
-    track, file, page = tmp_path / "one.csv", tmp_path / "one.gpkg", tmp_path / "one.html"
+    track, file = folder / "track.csv", folder / "track.gpkg"
     track.write_text("\n".join(["time,latitude,longitude,Temp (C)", *rows]))
     run("import", track, "-o", file)
+    return file
+
+
+def test_one_quantity_is_reported_in_the_singular(tmp_path: Path) -> None:
+    file, page = imported(tmp_path), tmp_path / "one.html"
     run("report", file, "-o", page, "--resolution", "4")
     assert "One quantity of the surface water was mapped over" in page.read_text()
     run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")
@@ -66,14 +72,7 @@ def test_one_quantity_is_reported_in_the_singular(tmp_path: Path) -> None:
 
 
 def test_readings_of_two_days_are_said_to_be_of_two(tmp_path: Path) -> None:
-    rows = [
-        f"{1_600_000_000 + 200_000 * (k // 100) + k},{44.4 + 1e-5 * (k % 20):.5f},"
-        f"{-69.6 + 1e-5 * (k // 20):.5f},{20 + 0.01 * (k % 20) + 0.003 * (k // 20):.3f}"
-        for k in range(200)
-    ]
-    track, file, page = tmp_path / "two.csv", tmp_path / "two.gpkg", tmp_path / "two.html"
-    track.write_text("\n".join(["time,latitude,longitude,Temp (C)", *rows]))
-    run("import", track, "-o", file)
+    file, page = imported(tmp_path, pause_s=200_000, across=0.003), tmp_path / "two.html"
     run("report", file, "-o", page, "--resolution", "4")
     assert "are of 2 outings, with a pause of up to 2.3 days" in page.read_text()
     run("report", file, "-o", page, "--resolution", "4", "--language", "fr", "--force")

@@ -261,8 +261,7 @@ class Controller:
             proposal = self.rule.propose(attempt.situation, self.shape)
             start = self.roll_out(z, weather) if proposal.start is None else proposal.start
             if attempt.driven_in is not None:
-                target = self.targets[self.reached]
-                start = turn_and_go(self.vessel, target, z, start.durations, attempt.driven_in)
+                start = self.roll_out(z, attempt.driven_in, start.durations)
             if self._thrusters is not None:
                 proposal.horizon.thrust_bounds = self._thrusters.reach(start.durations)
             if self._others[0]:
@@ -299,11 +298,19 @@ class Controller:
         if self._plan is None or self._unsolved_in_a_row == 1:
             yield replace(afresh, solver=self._second_solver, is_last_resort=True)
 
-    def roll_out(self, state: NDArray[np.float64], weather: Weather = CALM) -> Plan:
-        """Return a trajectory that turns towards Omega_x and drives at it, in the rule's steps."""
-        target = self.targets[self.reached]
-        steps = np.full(self.rule.stages, self.rule.step_s)
-        return turn_and_go(self.vessel, target, state, steps, weather)
+    def roll_out(
+        self,
+        state: NDArray[np.float64],
+        weather: Weather = CALM,
+        durations: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Return a trajectory that turns towards Omega_x and drives at it.
+
+        Its stages have `durations` (N,) [s], by default the rule's step each.
+        """
+        if durations is None:
+            durations = np.full(self.rule.stages, self.rule.step_s)
+        return turn_and_go(self.vessel, self.targets[self.reached], state, durations, weather)
 
     def _situation(self, state: NDArray[np.float64], elapsed_s: float) -> Situation:
         ahead = slice(self.reached, self.reached + self._seen_ahead())
