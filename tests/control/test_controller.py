@@ -209,21 +209,6 @@ def test_the_second_solver_is_asked_when_two_steps_in_a_row_have_failed(fatrop):
     assert second.calls == 1
 
 
-@pytest.mark.parametrize(
-    "place", [(-9.7, -22.98, 0.761, 0.437, 0.29, 0.0), (-12.2, -22.1, 0, 0, 0, 0)]
-)
-def test_where_straight_lines_are_no_motion_of_the_boat_a_plan_starts_from_one_that_is(place):
-    """A current and a wind that met in 1 of 200 random missions: no plan for three minutes."""
-    weather = Weather(
-        current_north_mps=-0.45, current_east_mps=-0.21,
-        wind_force_north_n=-9.9, wind_force_east_n=1.2,
-    )  # fmt: skip
-    never = Failing(_SHARED, lambda call: True)
-    controller = Controller(BOAT, row_of_cells(2), second_solver=Built(solver=never))
-    assert controller.step(place, weather).status.is_solved
-    assert never.calls == 0
-
-
 class Answering:
     """Answers with plans at rest in the given places, each with its status and cost."""
 

@@ -33,13 +33,7 @@ from grebe.core.events import (
 )
 from grebe.core.quantities import LIMNOLOGICAL, Quantities
 from grebe.core.survey import Survey
-from grebe.links.base import (
-    AsDriven,
-    BoatLink,
-    Instruments,
-    Observation,
-    as_driven,
-)
+from grebe.links.base import AsDriven, BoatLink, Instruments, Observation, as_driven
 from grebe.mission.checked_link import CheckedLink
 from grebe.mission.consumption import AT_HOME
 from grebe.mission.estimates import EstimateReader
