@@ -118,10 +118,11 @@ def grow(code, x, t, bits, found, grown):
 def lower_covariance(code, sill, reach, jitter, distance, passing, memory, apart):
     """The covariance (n, n), on and below the diagonal, of samples at pairwise `distance` (n, n),
     with a share `jitter` of `sill` added to the diagonal. If `apart` (n, n), the times between
-    samples, is not empty, a fleeting process of variance `passing` is added.
+    samples, is not empty, a fleeting process of variance `passing` is added. Above the diagonal,
+    it is 0: whole matrices are added to it, and sums with uninitialised memory may be invalid.
     """
     n = distance.shape[0]
-    out = np.empty((n, n))
+    out = np.zeros((n, n))
     x, row, bits = np.empty(n), np.empty(n), np.empty(n, np.int64)
     for i in range(n):
         m = i + 1

@@ -229,8 +229,8 @@ class Posterior:
         return self.log_likelihood(at) + self._prior(at)[0]
 
     def covariance(self, at: Array) -> Array:
-        """Covariance (n, n) of the values, on and below the diagonal; entries above it are
-        undefined.
+        """Covariance (n, n) of the values, on and below the diagonal; entries above it have
+        no meaning, but are finite.
         """
         if self.places > 1:
             matrix = lower_covariance_of_means(*self._of_place(at), self.places)
