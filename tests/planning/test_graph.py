@@ -1,12 +1,10 @@
-"""Shortest paths, parts and trees of a graph agree with SciPy's; and cells keep a budget."""
+"""Shortest paths, parts and trees of a graph agree with SciPy's."""
 
 import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
-from grebe.core.errors import PlanError
-from grebe.planning.budget import SHARE, affordable_cell_m
 from grebe.planning.paths.graph import (
     distances,
     links_of,
@@ -82,30 +80,3 @@ def test_the_largest_of_several_links_counts():
     links = links_of(np.array([0, 0, 1]), np.array([1, 1, 0]), np.array([1.0, 3.0, 2.0]), 3)
     assert links.dense().tolist() == [[0, 3, 0], [2, 0, 0], [0, 0, 0]]
     assert links.of(np.array([0, 2]), np.array([1, 1])).tolist() == [3.0, 0.0]
-
-
-@pytest.mark.parametrize("power", [0.8, 1.0, 1.3, 2.0])
-@pytest.mark.parametrize("first_m", [2.0, 4.0, 60.0])
-def test_a_budget_is_met_in_few_plans(power, first_m):
-    tried = []
-
-    def spent_s(cell_m):
-        tried.append(cell_m)
-        return 2e4 / cell_m**power
-
-    cell_m = affordable_cell_m(spent_s, 1800.0, first_m, 300.0)
-    assert cell_m in tried
-    assert SHARE * 1800 <= spent_s(cell_m) <= 1800
-    assert len(tried) <= 10
-
-
-def test_a_budget_is_kept_where_what_a_plan_takes_jumps():
-    def spent_s(cell_m):
-        return 2000.0 if cell_m < 7.0 else 1500.0
-
-    assert affordable_cell_m(spent_s, 1800.0, 3.0, 300.0) == pytest.approx(7.0, rel=0.01)
-
-
-def test_a_budget_that_nothing_keeps_is_refused():
-    with pytest.raises(PlanError, match="No plan of this water"):
-        affordable_cell_m(lambda _: 2000.0, 1800.0, 3.0, 300.0)

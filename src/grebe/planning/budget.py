@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
 
 from grebe.core.errors import PlanError
 
@@ -17,7 +19,20 @@ POWER = 1.2
 # plan jumps when the water holds one lane more or less.
 LEAST_STEP = 0.15
 # Cells that keep the budget are small enough within this factor of cells that do not.
-NEAR = 1.005
+NEAR = 1.01
+# Smaller cells beyond a jump are sought among this many sizes, up to so many lanes more across the
+# water; no more of them than this are planned in full. With many lanes the jumps are small.
+SIZES, LANES, FULL_TRIALS, MANY_LANES = 20, 2, 6, 40
+# So often is the ratio of a full plan's time to a quick one's corrected.
+CORRECTIONS = 3
+
+
+class Spent(Protocol):
+    """The time of the plan for a size of cells [s]; a quick plan's may be longer."""
+
+    def __call__(self, cell_m: float, *, quick: bool) -> float:
+        """Plan with cells of this size."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,33 +44,114 @@ class _Tried:
 
 
 def affordable_cell_m(
-    spent_s: Callable[[float], float], budget_s: float, first_m: float, largest_m: float
+    spent_s: Spent,
+    budget_s: float,
+    first_m: float,
+    largest_m: float,
+    *,
+    many_below_m: float = 0.0,
 ) -> float:
-    """Return the smallest size of cells whose plan keeps the budget, using at least `SHARE` of it.
+    """Return a size of cells whose plan keeps the budget and uses as much of it as any found.
 
-    `spent_s` returns the time of the plan for a size [s]; the search begins with `first_m`. Raises
+    The search begins with `first_m`. Cells smaller than `many_below_m` are so many that trials are
+    quick plans, whose times are corrected by the ratio of a full plan's to a quick one's. Raises
     `PlanError` when not even the largest cells keep the budget.
     """
-    dear, best, cell_m = None, None, min(max(first_m, SMALLEST_CELL_M), largest_m)
-    for trial in range(TRIALS):
-        tried = _Tried(cell_m=cell_m, time_s=spent_s(cell_m))
-        if tried.time_s > budget_s:
-            dear = tried
-        else:
-            best = tried
-        low_m = SMALLEST_CELL_M if dear is None else dear.cell_m
-        if best is None:
-            if low_m >= largest_m:
-                break
-        elif best.time_s >= SHARE * budget_s or best.cell_m <= NEAR * low_m:
+    search = _Search(spent_s, budget_s, largest_m, many_below_m, ratio=1.0)
+    tried = [search.planned(search.cell_m(first_m))]
+    while len(tried) < CORRECTIONS and tried[-1].cell_m < many_below_m:
+        if SHARE * budget_s <= tried[-1].time_s <= budget_s:
             break
-        cell_m = min(_next_m(dear, best, AIM * budget_s, halve=trial % 3 == 2), largest_m)
-    if best is None:
-        raise PlanError(
-            f"No plan of this water takes less than {budget_s / 60:.1f} minutes; "
-            "give more time or energy, or a part of the water."
-        )
-    return best.cell_m
+        ratio = tried[-1].time_s / spent_s(tried[-1].cell_m, quick=True)
+        search = replace(search, ratio=ratio)
+        tried.append(search.planned(search.cell_m(first_m)))
+    kept = [one for one in tried if one.time_s <= budget_s] or [search.keeping(tried[-1])]
+    return max(kept, key=lambda one: one.time_s).cell_m
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A search among sizes of cells, in which a quick plan counts for `ratio` of its time."""
+
+    spent_s: Spent
+    budget_s: float
+    largest_m: float
+    many_below_m: float
+    ratio: float
+
+    def cell_m(self, first_m: float) -> float:
+        """The size whose trial keeps the budget and uses most of it."""
+        best = self._at_the_edge(first_m)
+        few_lanes = self.largest_m < MANY_LANES * best.cell_m
+        if few_lanes and best.time_s < SHARE * self.budget_s:
+            best = self._beyond_jumps(best)
+        return best.cell_m
+
+    def planned(self, cell_m: float) -> _Tried:
+        """Cells of a size and the time of their full plan."""
+        return _Tried(cell_m=cell_m, time_s=self.spent_s(cell_m, quick=False))
+
+    def keeping(self, tried: _Tried) -> _Tried:
+        """The next larger cells whose full plan keeps the budget."""
+        while tried.time_s > self.budget_s:
+            if tried.cell_m >= self.largest_m:
+                raise _too_short(self.budget_s)
+            grown = max((tried.time_s / self.budget_s) ** (1 / POWER), NEAR)
+            tried = self.planned(min(tried.cell_m * grown, self.largest_m))
+        return tried
+
+    def _trial(self, cell_m: float) -> _Tried:
+        many = cell_m < self.many_below_m
+        time_s = self.spent_s(cell_m, quick=many) * (self.ratio if many else 1.0)
+        return _Tried(cell_m=cell_m, time_s=time_s)
+
+    def _at_the_edge(self, first_m: float) -> _Tried:
+        """Cells that use at least `SHARE` of the budget, or next to cells that exceed it."""
+        largest_m = self.largest_m
+        dear, best, cell_m = None, None, min(max(first_m, SMALLEST_CELL_M), largest_m)
+        for trial in range(TRIALS):
+            tried = self._trial(cell_m)
+            if tried.time_s > self.budget_s:
+                dear = tried
+            else:
+                best = tried
+            low_m = SMALLEST_CELL_M if dear is None else dear.cell_m
+            if best is None:
+                if low_m >= largest_m:
+                    break
+            elif best.time_s >= SHARE * self.budget_s or best.cell_m <= NEAR * low_m:
+                break
+            aimed_s = AIM * self.budget_s
+            cell_m = min(_next_m(dear, best, aimed_s, halve=trial % 3 == 2), largest_m)
+        if best is None:
+            raise _too_short(self.budget_s)
+        return best
+
+    def _beyond_jumps(self, best: _Tried) -> _Tried:
+        """Smaller cells that keep the budget although larger ones do not, if they use more of it.
+
+        The time jumps up where one more lane begins to fit into the water, and falls again as that
+        lane grows to full width. Quick plans show where it falls low enough.
+        """
+        least_m = max(best.cell_m / (1 + LANES * best.cell_m / self.largest_m), SMALLEST_CELL_M)
+        sizes = np.geomspace(best.cell_m, least_m, SIZES)[1:].tolist()
+        rough_s = {size: self.spent_s(size, quick=True) for size in [best.cell_m, *sizes]}
+        wanted_s = AIM * self.budget_s * rough_s[best.cell_m] / best.time_s
+        sizes.sort(key=lambda size: abs(rough_s[size] - wanted_s))
+        for cell_m in sizes[:FULL_TRIALS]:
+            tried = self._trial(cell_m)
+            if best.time_s < tried.time_s <= self.budget_s:
+                best = tried
+            if best.time_s >= SHARE * self.budget_s:
+                break
+        return best
+
+
+def _too_short(budget_s: float) -> PlanError:
+    return PlanError(
+        f"No plan of this water takes less than {budget_s / 60:.1f} minutes; "
+        "give more time or energy, or a part of the water."
+    )
 
 
 def _next_m(dear: _Tried | None, best: _Tried | None, wanted_s: float, *, halve: bool) -> float:

@@ -37,6 +37,8 @@ ANGLES_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 MANY_CELLS = 2_500
 # A coast with more vertices than this is simplified, to within this share of a cell.
 MANY_VERTICES, COAST_SHARE = 10_000, 0.1
+# A plan that uses less than this share of its budget says so.
+WELL_USED = 0.9
 # A change of bearing larger than this counts as a turn [rad].
 TURN_RAD = math.radians(30)
 # Radius of the start's footprint, for its hull with the first target [m].
@@ -136,8 +138,21 @@ class Planner:
         survey = self.survey(draft, finder)
         outcome = survey.outcome
         assert outcome is not None
+        if self.settings.cell_m is None:
+            notes += self._unused(draft)
         return Planned(
             survey=survey, outcome=outcome, check=check_plan(survey, self.water), notes=notes
+        )
+
+    def _unused(self, draft: Draft) -> tuple[str, ...]:
+        """A note if much of the budget is left, because one lane more would exceed it."""
+        share = self._spent_s(draft) / self._budget_s()
+        if share >= WELL_USED:
+            return ()
+        what = "time" if self.settings.minutes is not None else "energy"
+        return (
+            f"The plan uses {100 * share:.0f} % of the {what}: with smaller cells one more lane "
+            "fits into the water, which takes too long. Lanes in another direction may fit better.",
         )
 
     def first_draft(self, *, quick: bool) -> Draft:
@@ -195,8 +210,10 @@ class Planner:
         """The direction in the settings, or the one whose quick plan has the fastest legs."""
         if self.settings.angle_deg is not None:
             return self.settings.angle_deg
-        many = self.water.area / cell_m**2 > MANY_CELLS
-        angles = [*ANGLES_DEG[:: 3 if many else 1], _long_side_deg(self.water)]
+        angles = [
+            *ANGLES_DEG[:: 3 if self.water.area / cell_m**2 > MANY_CELLS else 1],
+            _long_side_deg(self.water),
+        ]
 
         def legs_s(angle: float) -> float:
             return self.draft(cell_m, angle, quick=True).route.legs_s
@@ -204,23 +221,39 @@ class Planner:
         return min(angles, key=legs_s)
 
     def _affordable(self, *, quick: bool) -> Draft:
-        """A draft with the smallest cells that keep the budget. With many cells the trials are
-        quick plans, which take a little longer than the final plan.
+        """A draft whose cells keep the budget, in the direction of the settings, or else in the one
+        with the fastest legs or along north, whichever affords smaller cells.
         """
-        angle = self.settings.angle_deg
-        tried: dict[float, Draft] = {}
+        if self.settings.angle_deg is not None:
+            return self._affordable_at(self.settings.angle_deg, quick=quick)
+        north = self._affordable_at(0.0, quick=quick)
+        fastest = self._angle(north.cell_m)
+        if fastest == 0.0:
+            return north
+        return min(north, self._affordable_at(fastest, quick=quick), key=lambda one: one.cell_m)
 
-        def spent_s(cell_m: float) -> float:
-            many = self.water.area / cell_m**2 > MANY_CELLS
-            draft = self.draft(cell_m, angle or 0.0, quick=many)
-            if many == quick and angle is not None:
-                tried[cell_m] = draft
-            return self._spent_s(draft)
+    def _affordable_at(self, angle_deg: float, *, quick: bool) -> Draft:
+        """A draft in a direction, whose cells keep the budget. The trials of many cells are quick
+        plans, and are not kept.
+        """
+        kept: dict[float, Draft] = {}
+        times: dict[tuple[float, bool], float] = {}
+        only_quick = quick
 
+        def spent_s(cell_m: float, *, quick: bool) -> float:
+            quick = quick or only_quick
+            if (cell_m, quick) not in times:
+                draft = self.draft(cell_m, angle_deg, quick=quick)
+                times[cell_m, quick] = self._spent_s(draft)
+                if quick == only_quick and cell_m >= many_below_m:
+                    kept[cell_m] = draft
+            return times[cell_m, quick]
+
+        many_below_m = math.sqrt(self.water.area / MANY_CELLS)
         budget_s, pace = self._budget_s(), 1 / float(np.mean(self.travel.slowness))
-        first_m = self.water.area / (pace * budget_s)
-        cell_m = affordable_cell_m(spent_s, budget_s, first_m, math.sqrt(self.water.area))
-        return tried.get(cell_m) or self.draft(cell_m, self._angle(cell_m), quick=quick)
+        first_m, largest_m = self.water.area / (pace * budget_s), math.sqrt(self.water.area)
+        cell_m = affordable_cell_m(spent_s, budget_s, first_m, largest_m, many_below_m=many_below_m)
+        return kept.get(cell_m) or self.draft(cell_m, angle_deg, quick=quick)
 
     def _spent_s(self, draft: Draft) -> float:
         """The part of the budget that a plan uses [s], transits included: its time, or the time for
