@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -22,7 +23,7 @@ LEAST_STEP = 0.15
 NEAR = 1.01
 # Smaller cells beyond a jump are sought among this many sizes, up to so many lanes more across the
 # water; no more of them than this are planned in full. With many lanes the jumps are small.
-SIZES, LANES, FULL_TRIALS, MANY_LANES = 20, 2, 6, 40
+SIZES, LANES, FULL_TRIALS, MANY_LANES = 16, 2, 6, 40
 # So often is the ratio of a full plan's time to a quick one's corrected.
 CORRECTIONS = 3
 
@@ -43,28 +44,22 @@ class _Tried:
     time_s: float
 
 
-def affordable_cell_m(
-    spent_s: Spent,
-    budget_s: float,
-    first_m: float,
-    largest_m: float,
-    *,
-    many_below_m: float = 0.0,
-) -> float:
+def affordable_cell_m(spent_s: Spent, budget_s: float, first_m: float, largest_m: float) -> float:
     """Return a size of cells whose plan keeps the budget and uses as much of it as any found.
 
-    The search begins with `first_m`. Cells smaller than `many_below_m` are so many that trials are
-    quick plans, whose times are corrected by the ratio of a full plan's to a quick one's. Raises
-    `PlanError` when not even the largest cells keep the budget.
+    The search begins with `first_m`. Its trials are quick plans, whose times are corrected by the
+    ratio of a full plan's to a quick one's. Raises `PlanError` when not even the largest cells keep
+    the budget.
     """
-    search = _Search(spent_s, budget_s, largest_m, many_below_m, ratio=1.0)
-    tried = [search.planned(search.cell_m(first_m))]
-    while len(tried) < CORRECTIONS and tried[-1].cell_m < many_below_m:
-        if SHARE * budget_s <= tried[-1].time_s <= budget_s:
-            break
+    search = _Search(spent_s, budget_s, largest_m, ratio=1.0)
+    tried = [search.planned(search.at_the_edge(first_m))]
+    while len(tried) < CORRECTIONS and not search.is_enough(tried):
         ratio = tried[-1].time_s / spent_s(tried[-1].cell_m, quick=True)
         search = replace(search, ratio=ratio)
-        tried.append(search.planned(search.cell_m(first_m)))
+        tried.append(search.planned(search.at_the_edge(tried[-1].cell_m)))
+    beyond = iter(() if search.is_enough(tried) else search.beyond_jumps(tried[-1].cell_m))
+    while not search.is_enough(tried) and (cell_m := next(beyond, None)) is not None:
+        tried.append(search.planned(cell_m))
     kept = [one for one in tried if one.time_s <= budget_s] or [search.keeping(tried[-1])]
     return max(kept, key=lambda one: one.time_s).cell_m
 
@@ -76,20 +71,15 @@ class _Search:
     spent_s: Spent
     budget_s: float
     largest_m: float
-    many_below_m: float
     ratio: float
-
-    def cell_m(self, first_m: float) -> float:
-        """The size whose trial keeps the budget and uses most of it."""
-        best = self._at_the_edge(first_m)
-        few_lanes = self.largest_m < MANY_LANES * best.cell_m
-        if few_lanes and best.time_s < SHARE * self.budget_s:
-            best = self._beyond_jumps(best)
-        return best.cell_m
 
     def planned(self, cell_m: float) -> _Tried:
         """Cells of a size and the time of their full plan."""
         return _Tried(cell_m=cell_m, time_s=self.spent_s(cell_m, quick=False))
+
+    def is_enough(self, tried: Sequence[_Tried]) -> bool:
+        """Whether a plan among those tried keeps the budget and leaves little of it."""
+        return any(SHARE * self.budget_s <= one.time_s <= self.budget_s for one in tried)
 
     def keeping(self, tried: _Tried) -> _Tried:
         """The next larger cells whose full plan keeps the budget."""
@@ -101,13 +91,11 @@ class _Search:
         return tried
 
     def _trial(self, cell_m: float) -> _Tried:
-        many = cell_m < self.many_below_m
-        time_s = self.spent_s(cell_m, quick=many) * (self.ratio if many else 1.0)
-        return _Tried(cell_m=cell_m, time_s=time_s)
+        return _Tried(cell_m=cell_m, time_s=self.ratio * self.spent_s(cell_m, quick=True))
 
-    def _at_the_edge(self, first_m: float) -> _Tried:
+    def at_the_edge(self, first_m: float) -> float:
         """Cells that use at least `SHARE` of the budget, or next to cells that exceed it."""
-        largest_m = self.largest_m
+        largest_m, aimed_s = self.largest_m, AIM * self.budget_s
         dear, best, cell_m = None, None, min(max(first_m, SMALLEST_CELL_M), largest_m)
         for trial in range(TRIALS):
             tried = self._trial(cell_m)
@@ -121,30 +109,23 @@ class _Search:
                     break
             elif best.time_s >= SHARE * self.budget_s or best.cell_m <= NEAR * low_m:
                 break
-            aimed_s = AIM * self.budget_s
             cell_m = min(_next_m(dear, best, aimed_s, halve=trial % 3 == 2), largest_m)
         if best is None:
-            raise _too_short(self.budget_s)
-        return best
+            return largest_m
+        return best.cell_m
 
-    def _beyond_jumps(self, best: _Tried) -> _Tried:
-        """Smaller cells that keep the budget although larger ones do not, if they use more of it.
+    def beyond_jumps(self, edge_m: float) -> list[float]:
+        """Smaller cells that may keep the budget although larger ones do not, best first.
 
         The time jumps up where one more lane begins to fit into the water, and falls again as that
         lane grows to full width. Quick plans show where it falls low enough.
         """
-        least_m = max(best.cell_m / (1 + LANES * best.cell_m / self.largest_m), SMALLEST_CELL_M)
-        sizes = np.geomspace(best.cell_m, least_m, SIZES)[1:].tolist()
-        rough_s = {size: self.spent_s(size, quick=True) for size in [best.cell_m, *sizes]}
-        wanted_s = AIM * self.budget_s * rough_s[best.cell_m] / best.time_s
-        sizes.sort(key=lambda size: abs(rough_s[size] - wanted_s))
-        for cell_m in sizes[:FULL_TRIALS]:
-            tried = self._trial(cell_m)
-            if best.time_s < tried.time_s <= self.budget_s:
-                best = tried
-            if best.time_s >= SHARE * self.budget_s:
-                break
-        return best
+        if self.largest_m > MANY_LANES * edge_m:
+            return []
+        least_m = max(edge_m / (1 + LANES * edge_m / self.largest_m), SMALLEST_CELL_M)
+        trials = [self._trial(cell_m) for cell_m in np.geomspace(edge_m, least_m, SIZES)[1:]]
+        trials.sort(key=lambda one: abs(one.time_s - AIM * self.budget_s))
+        return [float(one.cell_m) for one in trials[:FULL_TRIALS]]
 
 
 def _too_short(budget_s: float) -> PlanError:

@@ -226,34 +226,32 @@ class Planner:
         """
         if self.settings.angle_deg is not None:
             return self._affordable_at(self.settings.angle_deg, quick=quick)
-        north = self._affordable_at(0.0, quick=quick)
-        fastest = self._angle(north.cell_m)
-        if fastest == 0.0:
-            return north
-        return min(north, self._affordable_at(fastest, quick=quick), key=lambda one: one.cell_m)
+        north = self._affordable_at(0.0, quick=True)
+        turned = self._affordable_at(self._angle(north.cell_m), quick=quick)
+        if turned.cell_m < north.cell_m:
+            return turned
+        return min(turned, self._affordable_at(0.0, quick=quick), key=lambda one: one.cell_m)
 
     def _affordable_at(self, angle_deg: float, *, quick: bool) -> Draft:
-        """A draft in a direction, whose cells keep the budget. The trials of many cells are quick
-        plans, and are not kept.
-        """
-        kept: dict[float, Draft] = {}
-        times: dict[tuple[float, bool], float] = {}
-        only_quick = quick
+        """A draft in a direction, whose cells keep the budget."""
+        only_quick, times = quick, dict[tuple[float, bool], float]()
+        last: list[Draft] = []
 
         def spent_s(cell_m: float, *, quick: bool) -> float:
             quick = quick or only_quick
             if (cell_m, quick) not in times:
                 draft = self.draft(cell_m, angle_deg, quick=quick)
                 times[cell_m, quick] = self._spent_s(draft)
-                if quick == only_quick and cell_m >= many_below_m:
-                    kept[cell_m] = draft
+                if quick == only_quick:
+                    last[:] = [draft]
             return times[cell_m, quick]
 
-        many_below_m = math.sqrt(self.water.area / MANY_CELLS)
         budget_s, pace = self._budget_s(), 1 / float(np.mean(self.travel.slowness))
         first_m, largest_m = self.water.area / (pace * budget_s), math.sqrt(self.water.area)
-        cell_m = affordable_cell_m(spent_s, budget_s, first_m, largest_m, many_below_m=many_below_m)
-        return kept.get(cell_m) or self.draft(cell_m, angle_deg, quick=quick)
+        cell_m = affordable_cell_m(spent_s, budget_s, first_m, largest_m)
+        if last[0].cell_m == cell_m:
+            return last[0]
+        return self.draft(cell_m, angle_deg, quick=quick)
 
     def _spent_s(self, draft: Draft) -> float:
         """The part of the budget that a plan uses [s], transits included: its time, or the time for

@@ -255,7 +255,9 @@ def worth_of(
                 f"nowhere crosses {wish.threshold:g}; give another threshold.",
                 settings=("threshold",),
             )
-        weights = norm.pdf(away)
+        # The density of the water's value at the threshold (Picheny et al. 2010, J. Mech. Des. 132,
+        # on designs for a target region).
+        weights = norm.pdf(away) / sd
     elif wish.goal == "hot-spot":
         weights = norm.sf((np.quantile(mean, HOT_SHARE) - mean) / sd)
     weights = np.maximum(weights / max(float(weights.sum()), 1e-300), 1e-9)

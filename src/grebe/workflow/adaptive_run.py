@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,8 +16,8 @@ from grebe.workflow.announced import announced, moored_areas
 from grebe.workflow.quality import judged
 from grebe.workflow.wish import Wish
 
-# The time is divided into this many rounds, none shorter than this; each is planned with the
-# measurements of those before.
+# The time is divided into this many rounds, or fewer that are about this long; each is planned with
+# the measurements of those before. What is left of the time is sailed if it is half a round.
 ROUNDS, SHORTEST_MINUTES = 4, 2.0
 
 
@@ -65,6 +66,7 @@ class Onward:
             self._began_s = time_s
         left = wish.minutes - (time_s - self._began_s) / 60
         first = time_s == self._began_s
-        if not first and left < min(SHORTEST_MINUTES, 0.5 * wish.minutes):
+        shortest = max(wish.minutes / ROUNDS, min(SHORTEST_MINUTES, wish.minutes))
+        if not first and left < 0.5 * shortest:
             raise PlanError(f"the {wish.minutes:g} extra minutes for {wish.text} are over")
-        return min(left, max(wish.minutes / ROUNDS, SHORTEST_MINUTES))
+        return left / max(math.floor(left / shortest), 1)
