@@ -66,14 +66,28 @@ def test_a_real_boat_does_not_go_on_with_a_simulated_mission(sailed):
 
 
 def test_a_simulated_boat_does_not_go_on_with_a_real_mission(sailed):
-    """As when somebody resumes on the second day and forgets the link."""
     by, mine = sailed
     path = by("--link", mine)
     before = held(path)
-    done = run("run", path, "--resume")
-    assert isinstance(done.exception, SurveyFileError), done.output
-    assert "real water" in str(done.exception)
-    assert held(path) == before
+    for words in (["--resume"], ["--resume", "--preview"]):
+        done = run("run", path, *words, "--link", "sim:")
+        assert isinstance(done.exception, SurveyFileError), done.output
+        assert "real water" in str(done.exception)
+        assert held(path) == before
+
+
+def test_a_mission_goes_on_with_its_boat_if_no_other_is_named(sailed):
+    """As when somebody resumes on the second day and forgets the link."""
+    by, mine = sailed
+    path = by("--link", mine)
+    seen = run("run", path, "--resume", "--preview")
+    assert f"grebe run {path} --resume --link {mine}" in seen.stdout
+    water, before = held(path)
+    done = run("run", path, "--resume", "--max-minutes", 30)
+    assert done.exit_code == 0, done.output
+    assert f"the boat is {mine}, as before" in done.stderr
+    assert held(path)[0] == water == "my boat"
+    assert held(path)[1] > before
 
 
 def test_the_doctor_says_that_a_survey_was_rehearsed(sailed):

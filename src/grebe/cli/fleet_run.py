@@ -23,7 +23,7 @@ from grebe.mission.events.recorders import Listener
 from grebe.mission.events.statistics import Alarm, Progress, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.settings import MissionSettings
-from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.boats import SIMULATED, Harbour, boat_named
 from grebe.workflow.closures import Closures
 from grebe.workflow.fleets import ExtensionOf, FleetReport, FleetRun
 from grebe.workflow.instruments import of_fleet
@@ -34,8 +34,6 @@ from grebe.workflow.simulated import SimulatedWorld
 
 if TYPE_CHECKING:
     from grebe.server.mission_socket import MissionSocket
-
-SIMULATED = "sim:"
 
 
 @dataclass

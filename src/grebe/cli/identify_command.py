@@ -15,7 +15,7 @@ from grebe.core.vessel import PRESETS, vessel_named
 from grebe.identification.identify import IdentifySettings
 from grebe.identification.result import FittedValue, Identification
 from grebe.links.simulated import EstimateErrors
-from grebe.workflow.boats import Harbour, boat_named
+from grebe.workflow.boats import SIMULATED, Harbour, boat_named
 from grebe.workflow.identification import (
     ManoeuvreSettings,
     drive_manoeuvre,
@@ -65,7 +65,7 @@ USUAL_VESSEL = "spyboat"
 @click.option(
     "--link",
     "url",
-    default="sim:",
+    default=SIMULATED,
     show_default=True,
     help="With --manoeuvre: the boat, as for grebe run.",
 )

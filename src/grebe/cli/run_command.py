@@ -37,7 +37,7 @@ from grebe.mission.events.statistics import Alarm, MissionReport, ProgressMeter
 from grebe.mission.loop import Mission
 from grebe.mission.measuring.sampling import InSets, InWindow
 from grebe.mission.settings import MissionSettings
-from grebe.workflow.boats import Harbour, boat_named, simulates
+from grebe.workflow.boats import SIMULATED, Harbour, boat_named, simulates
 from grebe.workflow.closures import Closures
 from grebe.workflow.instruments import (
     boat_and_instrument,
@@ -61,7 +61,7 @@ from grebe.workflow.sorties import kept_by_plan, sortie_states
     "--link",
     "urls",
     multiple=True,
-    default=("sim:",),
+    default=(SIMULATED,),
     help="The boat: sim: is simulated, mavlink:udp:HOST:PORT (or tcp:, serial:) has an autopilot, "
     "nmea:udp:HOST:PORT?out=udp:HOST:PORT (or nmea:serial:DEVICE@BAUD) speaks NMEA, "
     "replay:FILE[?speed=10|max] replays a recorded mission, python:FILE.py is a link of your own. "
@@ -135,14 +135,11 @@ def command(
     With --resume, options that are not given keep their values from the resumed run. Closing the
     terminal does not end the mission; Ctrl-C and SIGTERM do.
     """
-    now, goes_on = datetime.now(UTC), resume or run["returns"]
-    if goes_on and force:
-        raise UsageError(
-            "--resume and --return continue a mission, --force starts again; give one of them."
-        )
+    now, goes_on = datetime.now(UTC), _goes_on(resume=resume or run["returns"], force=force)
+    urls = _links(ctx, file, urls, sortie) if goes_on else urls
     _judge(urls, instruments, run, now)
     if preview:
-        show_preview(file, sortie, run, now, resume=goes_on, force=force, as_json=as_json)
+        show_preview(file, sortie, urls, run, now, resume=goes_on, force=force, as_json=as_json)
         return
     ignore_hangup()
     own = user_quantities(run.pop("quantities_file"), file)
@@ -159,6 +156,7 @@ def command(
         run["changed"] = boats_changed(run.pop("battery_changed"), fleet.boats if fleet else 1)
         before = survey_file.progress().reached if goes_on else 0
         _keep(run, survey_file)
+        _keep_links(urls, survey_file, sortie)
         if fleet is not None:
             _sail_fleet(
                 survey_file, urls, run, now, bar, instrument_sets, live,
@@ -179,6 +177,14 @@ def command(
         _explain(report, file, moved=moved)
 
 
+def _goes_on(*, resume: bool, force: bool) -> bool:
+    if resume and force:
+        raise UsageError(
+            "--resume and --return continue a mission, --force starts again; give one of them."
+        )
+    return resume
+
+
 def _what_follows(survey_file: SurveyFile) -> str:
     """The next command: another run if sorties are left, else the map."""
     path = output.quoted(survey_file.path)
@@ -192,6 +198,28 @@ def _keep(run: dict[str, Any], survey_file: SurveyFile) -> None:
     survey_file.set_meta("run", json.dumps(kept, default=str))
     if run["closed"] is not None and not Path(run["closed"]).exists():
         output.note(f"{run['closed']} does not exist yet; it is looked for while the boat sails")
+
+
+def _keep_links(urls: tuple[str, ...], survey_file: SurveyFile, sortie: int | None) -> None:
+    """Store the links for the run that resumes it, unless other sorties have other boats."""
+    if survey_file.survey.fleet is None or sortie is None:
+        survey_file.set_meta("links", json.dumps(urls))
+
+
+def _links(
+    ctx: click.Context, file: Path, given: tuple[str, ...], sortie: int | None
+) -> tuple[str, ...]:
+    """The links given for a run that continues another, or those of the recorded run."""
+    if _typed(ctx, "urls"):
+        return given
+    with SurveyFile.open(file) as survey_file:
+        if survey_file.survey.fleet is not None and sortie is not None:
+            return given
+        urls = tuple(json.loads(survey_file.meta().get("links", "null")) or given)
+    real = [url for url in urls if url != SIMULATED]
+    if real:
+        output.note(f"the boat is {', '.join(real)}, as before")
+    return urls
 
 
 @contextmanager

@@ -12,6 +12,8 @@ from grebe.cli.rule_options import typed_again
 from grebe.cli.safety_options import safety_of
 from grebe.io.store import SurveyFile
 from grebe.mission.departure import Departure, prepare
+from grebe.workflow.boats import SIMULATED, simulates
+from grebe.workflow.one_water import refuse_other_water
 from grebe.workflow.preview import fleet_preview, preview_of, route_home_of
 
 
@@ -38,14 +40,16 @@ def say_spent(departure: Departure) -> None:
         )
 
 
-def _again(run: dict[str, Any]) -> str:
-    """The options of the controller and of --adaptive, as they were typed."""
-    return typed_again(run) + wish_again(run)
+def _again(urls: tuple[str, ...], run: dict[str, Any]) -> str:
+    """The links and the options of the controller and of --adaptive, as they were typed."""
+    links = "".join(f" --link {output.quoted(url)}" for url in urls if url != SIMULATED)
+    return links + typed_again(run) + wish_again(run)
 
 
 def show_preview(
     file: Path,
     sortie: int | None,
+    urls: tuple[str, ...],
     run: dict[str, Any],
     now: datetime,
     *,
@@ -53,11 +57,19 @@ def show_preview(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Print what a run would do, and the command for it."""
+    """Print what a run would do, and the command for it.
+
+    Raises `SurveyFileError` if simulated and measured readings would share the file.
+    """
     with SurveyFile.open(file) as survey_file:
+        simulated = {simulates(url) for url in urls}
+        if not force and None not in simulated:
+            refuse_other_water(survey_file, simulated=True in simulated)
         fleet = survey_file.survey.fleet if sortie is None and not force else None
         if fleet is not None and not run["returns"]:
-            go = f"grebe run {output.quoted(file)}{' --resume' if resume else ''}{_again(run)}"
+            go = (
+                f"grebe run {output.quoted(file)}{' --resume' if resume else ''}{_again(urls, run)}"
+            )
             numbers = fleet_preview(survey_file, now)
             output.result(numbers, as_json=as_json, next_command=go)
             return
@@ -69,7 +81,7 @@ def show_preview(
         return
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {output.quoted(file)}{which}{again}{_again(run)}"
+    go = f"grebe run {output.quoted(file)}{which}{again}{_again(urls, run)}"
     say_which(departure, survey_file)
     say_spent(departure)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from grebe.links.mavlink.link import MavlinkLink
 
 # A real boat is armed only if this, given what is about to happen, returns True.
+# The URL of the simulated boat, which is the default.
+SIMULATED = "sim:"
+
 Confirm = Callable[[str], bool]
 
 
