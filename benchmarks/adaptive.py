@@ -170,18 +170,16 @@ def _one_water(job: tuple[str, int]) -> tuple[str, list[Score]]:
         for way, pattern in FIXED.items():
             sailed(way, PlanSettings(cell_m=None, minutes=MINUTES, **pattern))
         sailed("plan for accuracy", PlanSettings(cell_m=None, minutes=MINUTES))
-        half, quarter = 0.5 * MINUTES, 0.25 * MINUTES
-        for way, spent, goal in (
-            ("adapted, accuracy", half, "accuracy"),
-            ("half the time: adapted, threshold", quarter, "threshold"),
+        for way, first, then, goal in (
+            ("adapted, accuracy", 0.5, 0.5, "accuracy"),
+            ("half the time: adapted, threshold", 0.4, 0.1, "threshold"),
         ):
             wish = Wish(
-                quantity=KEY, minutes=spent, goal=goal,
+                quantity=KEY, minutes=then * MINUTES, goal=goal,
                 threshold=_level(water) if goal == "threshold" else None,
             )  # fmt: skip
-            coarse = PlanSettings(cell_m=None, minutes=spent)
-            sailed(way, coarse, wish)
-        sailed("half the time: free", PlanSettings(cell_m=None, minutes=half))
+            sailed(way, PlanSettings(cell_m=None, minutes=first * MINUTES), wish)
+        sailed("half the time: free", PlanSettings(cell_m=None, minutes=0.5 * MINUTES))
     if interpreter() is not None:
         scores.append(_informative(water, seed))
     return kind, scores
