@@ -178,7 +178,7 @@ def test_a_sonde_of_another_day_is_refused(tmp_path):
     sonde = tmp_path / "sonde.csv"
     sonde.write_text("time,Temp (C)\n" + "\n".join(f"{90000 + i},20" for i in range(9)))
     with pytest.raises(TrackError, match="none of its readings falls within") as told:
-        import_track(boat, tmp_path / "o.gpkg", sonde=sonde)
+        import_track(boat, tmp_path / "o.gpkg", sondes=[sonde])
     assert told.value.settings == ("zone", "clock_offset_s")
 
 

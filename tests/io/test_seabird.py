@@ -201,7 +201,7 @@ def test_a_sonde_s_cnv_is_joined_to_a_boat_s_track(tmp_path: Path) -> None:
     ]
     boat.write_text("\n".join(["time,latitude,longitude", *fixes]))
     sonde = cnv(tmp_path / "sonde.cnv", start=NMEA)
-    done = import_track(boat, tmp_path / "out.gpkg", sonde=sonde)
+    done = import_track(boat, tmp_path / "out.gpkg", sondes=[sonde])
     assert done.samples == 60
     assert done.raw.values["dissolved_oxygen_mgl"] == pytest.approx(np.full(60, 8.57418))
 

@@ -49,6 +49,7 @@ FLAGS = {
     "sd_share": "--sd",
     "reserve": "--reserve",
     "harbours": "--harbour",
+    "sondes": "--with",
     "sortie": "--sortie",
     "starts": "--start",
     "together": "--together",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,10 +21,15 @@ MOSTLY_GOOD = 0.8
 
 
 @click.command(name="import")
-@click.argument("track", type=options.EXISTING)
+@click.argument("tracks", metavar="TRACK...", type=options.EXISTING, nargs=-1, required=True)
 @click.option("-o", "--output", "path", type=options.OUTPUT, required=True, help="Survey file.")
 @click.option(
-    "--with", "sonde", type=options.EXISTING, help="The sonde's file, joined to the track by time."
+    "--with",
+    "sondes",
+    type=options.EXISTING,
+    multiple=True,
+    help="The sonde's file, joined to the track by time. With several tracks, one for each or one "
+    "for all.",
 )
 @click.option(
     "--zone", help="Time zone of times that name none, such as Europe/Paris.  [default: UTC]"
@@ -44,11 +50,11 @@ MOSTLY_GOOD = 0.8
 @options.force_option
 @options.json_option
 def command(
-    track: Path,
+    tracks: tuple[Path, ...],
     path: Path,
     columns: tuple[str, ...],
     header_from: Path | None,
-    sonde: Path | None,
+    sondes: tuple[Path, ...],
     zone: str | None,
     profile: str | None,
     clock_offset_s: float | None,
@@ -57,33 +63,30 @@ def command(
     as_json: bool,
     **named: str | None,
 ) -> None:
-    """Import the data of TRACK; its convex hull becomes the region.
+    """Import the data of one TRACK, or of several outings on one lake; their convex hull becomes
+    the region.
 
     TRACK is a logger's table, a GPX file, an ArduPilot .tlog or .bin, a Sea-Bird .cnv, or NMEA
     sentences.
     """
-    options.refuse_same(track, options.checked_output(path))
+    for track in tracks:
+        options.refuse_same(track, options.checked_output(path))
     done = import_track(
-        track,
+        tracks,
         path,
         columns=options.track_columns(columns, named),
         header_from=header_from,
         quantities_file=quantities_file,
         force=force,
-        sonde=sonde,
+        sondes=sondes,
         zone=zone,
         profile=profile,
         clock_offset_s=clock_offset_s,
     )
-    if sonde is not None:
-        output.note(f"{track}: {_offset_text(done.offset, clock_offset_s)}")
-    if done.raw.unused:
-        output.note(f"{track}: columns not used: {', '.join(done.raw.unused)}")
+    for track, offset in zip(tracks, done.offsets, strict=bool(done.offsets)):
+        output.note(f"{track}: {_offset_text(offset, clock_offset_s)}")
     missing = [one.label for key, one in LIMNOLOGICAL.items() if key not in done.quantities]
-    for text in (*done.raw.notes, *(f"no column for {label}: left out" for label in missing)):
-        output.note(f"{track}: {text}")
-    for text in (*_flagged(done), *_time_notes(done)):
-        output.note(f"{track}: {text}")
+    _say(tracks, done, [f"no column for {label}: left out" for label in missing])
     flags = done.quality.flags
     output.result(
         {
@@ -100,6 +103,16 @@ def command(
         as_json=as_json,
         next_command=f"grebe map {output.quoted(path)} --out maps",
     )
+
+
+def _say(tracks: Sequence[Path], done: ImportedTrack, missing: Sequence[str]) -> None:
+    """Print what a user should know of the data."""
+    whose = f"{tracks[0]}: " if len(tracks) == 1 else ""
+    if done.raw.unused:
+        output.note(f"{whose}columns not used: {', '.join(done.raw.unused)}")
+    # The notes of several tracks begin with their names.
+    for text in (*done.raw.notes, *missing, *_flagged(done), *_time_notes(done)):
+        output.note(whose + text)
 
 
 def _span_text(done: ImportedTrack) -> str:

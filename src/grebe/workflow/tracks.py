@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grebe.core.errors import PlanError, TrackError
+from grebe.core.errors import PlanError, TrackError, UsageError
 from grebe.core.quantities import BUILTIN, Quantities
 from grebe.core.samples import Flag, Samples
 from grebe.core.sets import hull_of
 from grebe.core.survey import OF_TRACK, Survey
 from grebe.io.readers.columns import DATE, PLACE_AND_TIME
-from grebe.io.readers.profile import read_profile
+from grebe.io.readers.profile import Profile, read_profile
 from grebe.io.readers.quantities import user_quantities
 from grebe.io.readers.track import RawTrack, TrackColumns, read_readings, read_track
 from grebe.io.readers.zones import zone_of
@@ -24,6 +26,7 @@ from grebe.mapping.quality.control import Quality
 from grebe.planning.region import clean_region
 from grebe.workflow.files import write_survey
 from grebe.workflow.joining import ClockOffset, joined
+from grebe.workflow.outings import outings_joined
 from grebe.workflow.quality import check_samples
 
 if TYPE_CHECKING:
@@ -32,14 +35,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedTrack:
-    """The result of an import: the survey, its quantities, their columns, and their flags."""
+    """The result of an import: the survey, its quantities, their columns, and their flags.
+
+    `offsets` are those of the sondes' clocks, one for each track, as far as the data show them.
+    """
 
     survey: Survey
     raw: RawTrack
     quantities: Quantities
     quality: Quality
     samples: int
-    offset: ClockOffset | None = None
+    offsets: tuple[ClockOffset | None, ...] = ()
 
     @property
     def without_good(self) -> list[str]:
@@ -48,52 +54,94 @@ class ImportedTrack:
 
 
 def import_track(
-    track: Path,
+    tracks: Path | Sequence[Path],
     to: Path,
     *,
     columns: TrackColumns | None = None,
     header_from: Path | None = None,
     quantities_file: Path | None = None,
     force: bool = False,
-    sonde: Path | None = None,
+    sondes: Sequence[Path] = (),
     zone: str | None = None,
     profile: str | None = None,
     clock_offset_s: float | None = None,
 ) -> ImportedTrack:
-    """Turn a track into a survey file with its samples, checked.
+    """Turn the tracks of one outing or several into a survey file with their samples, checked.
 
-    `sonde` is a file of readings without positions. It is joined by its clock, which is
-    `clock_offset_s` ahead of the track's (None for what the data show). `zone` is the time zone of
-    times in either file that name none. `profile` describes the logger's file, the sonde's if there
-    is one.
+    `sondes` are files of readings without positions: one for each track, or one for all. Each is
+    joined by its clock, which is `clock_offset_s` ahead of the track's (None for what the data
+    show). `zone` is the time zone of times in any file that name none. `profile` describes the
+    logger's file, the sonde's if there is one.
 
     The file declares the quantities that the track has, among those that Grebe knows and those of
     `quantities_file` (or of a `quantities.toml` beside the survey).
     """
+    tracks = [tracks] if isinstance(tracks, Path) else list(tracks)
     known = BUILTIN.extended(user_quantities(quantities_file, to))
-    told = None
-    clock = None if zone is None else zone_of(zone)
-    form = None if profile is None else read_profile(profile)
-    if sonde is None:
-        raw = read_track(track, columns, header_from, known, zone=clock, profile=form)
-    else:
-        ours, theirs = _shared(columns or {})
-        raw = read_track(track, ours, header_from, known, zone=clock)
-        readings = read_readings(sonde, theirs, None, known, zone=clock, profile=form, placed=False)
-        raw, told = joined(raw, readings, sonde, clock_offset_s)
-    survey = survey_of_track(raw, track.stem)
+    reader = _Reader(
+        columns=columns or {},
+        header_from=header_from,
+        quantities=known,
+        zone=None if zone is None else zone_of(zone),
+        profile=None if profile is None else read_profile(profile),
+        clock_offset_s=clock_offset_s,
+    )
+    read = [reader.read(*one) for one in _with_sondes(tracks, sondes)]
+    raw = outings_joined([(str(path), one) for path, (one, _) in zip(tracks, read, strict=True)])
+    survey = survey_of_track(raw, tracks[0].stem)
     samples = samples_of_track(raw, survey, known)
-    held = known.subset(raw.values)
+    held, names = known.subset(raw.values), ", ".join(path.name for path in tracks)
     with new_file(to, force=force) as part:
-        write_survey(part, survey, quantities=held, note=f"Imported from {track.name}.")
+        write_survey(part, survey, quantities=held, note=f"Imported from {names}.")
         with SurveyFile.open(part) as file:
             file.extend_samples(samples)
-            file.set_meta("water", f"measured, {track.name}")
+            file.set_meta("water", f"measured, {names}")
             file.set_meta("outline", OF_TRACK)
             quality = check_samples(file)
     return ImportedTrack(
-        survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples), offset=told
-    )
+        survey=survey, raw=raw, quantities=held, quality=quality, samples=len(samples),
+        offsets=tuple(told for _, told in read) if sondes else (),
+    )  # fmt: skip
+
+
+def _with_sondes(tracks: Sequence[Path], sondes: Sequence[Path]) -> list[tuple[Path, Path | None]]:
+    """Each track with its sonde's file; one such file may serve all tracks."""
+    if len(sondes) > 1 and len(sondes) != len(tracks):
+        raise UsageError(
+            f"{len(tracks)} tracks and {len(sondes)} files of sondes; give one sonde's file for "
+            "each track, in their order, or one for all.",
+            settings=("sondes",),
+        )
+    theirs = [None] if not sondes else list(sondes)
+    return list(zip(tracks, theirs * len(tracks) if len(theirs) == 1 else theirs, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reader:
+    """Reads tracks and sondes' files as an import says; see `import_track`."""
+
+    columns: TrackColumns
+    header_from: Path | None
+    quantities: Quantities
+    zone: tzinfo | None
+    profile: Profile | None
+    clock_offset_s: float | None
+
+    def read(self, track: Path, sonde: Path | None) -> tuple[RawTrack, ClockOffset | None]:
+        """A track with its sonde's readings, and the offset of the sonde's clock that they show."""
+        if sonde is None:
+            read = read_track(
+                track, self.columns, self.header_from, self.quantities,
+                zone=self.zone, profile=self.profile,
+            )  # fmt: skip
+            return read, None
+        ours, theirs = _shared(self.columns)
+        raw = read_track(track, ours, self.header_from, self.quantities, zone=self.zone)
+        readings = read_readings(
+            sonde, theirs, None, self.quantities,
+            zone=self.zone, profile=self.profile, placed=False,
+        )  # fmt: skip
+        return joined(raw, readings, sonde, self.clock_offset_s)
 
 
 def _shared(columns: TrackColumns) -> tuple[TrackColumns, TrackColumns]:

@@ -12,6 +12,8 @@ from grebe.core.errors import InputError
 UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
+# How an SQLite database begins, and with it a survey file or another GeoPackage.
+_SQLITE = b"SQLite format 3\0"
 # Control characters that no text holds.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f]")
 
@@ -51,15 +53,25 @@ def read_any_text(path: Path) -> tuple[str, tuple[str, ...]]:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        data = path.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file.") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from None
+    _refuse_database(path, data)
+    return data
 
 
 def _decoded(data: bytes) -> str:
     return data.decode("utf-16" if data.startswith(UTF16_MARKS) else "utf-8-sig")
+
+
+def _refuse_database(path: Path, data: bytes) -> None:
+    if data.startswith(_SQLITE):
+        raise InputError(
+            f"{path}: this is a database, such as a survey file, and no text; a survey is mapped "
+            "as it is, and its samples are exported as a table for other programs."
+        )
 
 
 def _undecoded(path: Path, error: UnicodeDecodeError) -> InputError:
