@@ -13,7 +13,8 @@ from grebe.mapping.maps import Mapper, MapSettings
 from grebe.mapping.methods.base import Readings
 from grebe.mapping.response_time import ages_of
 from grebe.mapping.slow_sensor import Groups, Response, restored
-from grebe.workflow.maps import change_notes, map_numbers
+from grebe.workflow.map_notes import change_notes
+from grebe.workflow.maps import map_numbers
 
 
 def covariance(problem, at):

@@ -20,14 +20,13 @@ from grebe.report.thresholds import read_profile
 from grebe.workflow.files import filled_folder, make_folder
 from grebe.workflow.garbage_collection import no_long_pauses
 from grebe.workflow.helpers import WorkerPool
+from grebe.workflow.map_notes import change_notes, sample_notes, together_notes
 from grebe.workflow.maps import (
     NETCDF_NAME,
-    change_notes,
     helpers_for,
     map_numbers,
     map_survey,
     movie_note,
-    together_notes,
     write_maps,
 )
 
@@ -123,9 +122,8 @@ def _map_one(file: Path, out: Path, asked: dict[str, Any], again: str, *, as_jso
         written = write_maps(data, out, thresholds, asked["draws"], asked["credits_file"], pool.map)
     for text in data.left_out:
         output.note(f"left out: {text}")
-    for text in change_notes(data.maps):
-        output.note(f"note: {text}")
-    for text in together_notes(data.maps, settings.together):
+    together = together_notes(data.maps, settings.together)
+    for text in (*sample_notes(data), *change_notes(data.maps), *together):
         output.note(f"note: {text}")
     if (text := movie_note(data)) is not None:
         output.note(f"note: {text}")

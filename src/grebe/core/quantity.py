@@ -89,6 +89,10 @@ class LakeStatistics:
             raise InputError(f"structured_share is {self.structured_share!r}; give 0 to 1.")
 
 
+# Units whose zero is a convention, so that ratios mean nothing.
+INTERVAL_UNITS = ("°C", "mV", "")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
     """One measured quantity.
@@ -126,6 +130,11 @@ class Quantity:
     on_sonde: bool = True
     mapped: bool = True
     colormap: str = "cividis"
+
+    @property
+    def has_true_zero(self) -> bool:
+        """Whether no water can have less than 0: not a temperature, a potential or a pH."""
+        return self.unit not in INTERVAL_UNITS
 
     def __post_init__(self) -> None:
         if not _KEY.fullmatch(self.key) or self.key in _RESERVED or self.key.endswith("_qc"):

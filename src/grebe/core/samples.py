@@ -32,6 +32,10 @@ class Flag:
     USABLE = (GOOD, NOT_EVALUATED)
 
 
+# After a pause this long [s], another outing begins.
+LONG_PAUSE_S = 12 * 3600.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sample:
     """One reading of the sonde with the position where it was taken.
@@ -124,6 +128,12 @@ class Samples:
     def usable(self, key: str) -> NDArray[np.bool_]:
         """Mask (n,) of the values that are present and not flagged suspect or failed."""
         return np.isfinite(self.values[key]) & np.isin(self.flags[key], Flag.USABLE)
+
+    def outings(self) -> tuple[int, float]:
+        """How many outings the samples are of, and the longest pause between two [s]."""
+        pauses = np.diff(np.sort(self.times))
+        long = pauses[pauses > LONG_PAUSE_S]
+        return 1 + len(long), float(long.max(initial=0.0))
 
     def rows(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> Samples:
         """Some of the samples."""

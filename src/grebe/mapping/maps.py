@@ -43,8 +43,6 @@ Moment = float | Literal["middle"]
 Beside = Sequence[tuple[str, Readings]]
 
 FEWEST_SAMPLES = 10
-# Units whose zero is a convention, so that ratios mean nothing.
-INTERVAL_UNITS = ("°C", "mV", "")
 
 
 class Each(Protocol):
@@ -161,7 +159,7 @@ class Mapper:
         self, quantity: Quantity, readings: Readings, is_bed: bool
     ) -> tuple[Readings, Scale, Change]:
         """Return the readings on their scale, brought to the map's time if it has one."""
-        may_be_log = quantity.unit not in INTERVAL_UNITS
+        may_be_log = quantity.has_true_zero
         scale = self._scale(readings, is_bed=is_bed, may_be_log=may_be_log)
         readings = replace(readings, values=scale.forward(readings.values))
         change = self._change(readings, is_bed=is_bed)

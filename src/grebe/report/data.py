@@ -26,6 +26,15 @@ from grebe.mapping.quantity_map import QuantityMap
 
 
 @dataclass(frozen=True, kw_only=True)
+class BelowZero:
+    """Good readings that are below 0, as no water is: how many, of how many, and the least."""
+
+    count: int
+    of: int
+    least: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReportData:
     """A survey with its measurements and maps. `left_out` says why other quantities have no map.
     `movies` is None if none were requested, and otherwise holds those that could be made. `lags`
@@ -82,6 +91,14 @@ class ReportData:
     def is_simulated(self) -> bool:
         """Whether the survey was simulated, so that nothing was measured."""
         return is_simulated(self.meta.get("water", ""))
+
+    def below_zero(self, quantity: Quantity) -> BelowZero | None:
+        """Its good readings below 0; None if there are none, or if its zero is no limit."""
+        good = self.samples.values[quantity.key][self.samples.usable(quantity.key)]
+        count = int((good < 0).sum())
+        if not count or not quantity.has_true_zero:
+            return None
+        return BelowZero(count=count, of=len(good), least=float(good.min()))
 
     @property
     def quality(self) -> dict[str, dict[str, tuple[int, int]]] | None:

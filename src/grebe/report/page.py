@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from grebe.core.quantity import inline
 from grebe.core.survey import Survey
 from grebe.io.atomic_write import write_text_whole
-from grebe.io.readers.track import LONG_PAUSE_S
 from grebe.mapping.maps import Each, in_turn
 from grebe.mapping.proof.validation import Z95
 from grebe.mapping.quantity_map import QuantityMap
@@ -131,11 +130,15 @@ def _cautions(data: ReportData, t: Texts) -> list[str]:
     cautions = [t["simulated"]] if data.is_simulated else []
     if reached < targets and len(data.samples):
         cautions.append(t("incomplete", reached=reached, targets=targets, cells=data.unsampled))
-    pauses = np.diff(np.sort(data.samples.times))
-    if (pauses > LONG_PAUSE_S).any():
-        longest = _duration(float(pauses.max()), t)
-        count = 1 + int((pauses > LONG_PAUSE_S).sum())
-        cautions.append(t("several_outings", count=count, longest=longest))
+    count, pause_s = data.samples.outings()
+    if count > 1:
+        cautions.append(t("several_outings", count=count, longest=_duration(pause_s, t)))
+    for one in data.maps:
+        below, label = data.below_zero(one.quantity), one.quantity.label_in(t.language)
+        if below is not None:
+            least = t.number(f"{below.least:.3g}")
+            told = {"label": label, "count": below.count, "of": below.of, "least": least}
+            cautions.append(t("below_zero", **told, unit=one.quantity.unit))
     return cautions
 
 

@@ -246,58 +246,6 @@ def catalogue_entry(data: ReportData, credits_file: Path | None = None) -> Catal
     )
 
 
-def change_notes(maps: Sequence[QuantityMap]) -> list[str]:
-    """Return notes on water that changed, and on sensors that answered late.
-
-    They concern only maps that show each place as it was measured.
-    """
-    notes: list[str] = []
-    for one in maps:
-        name, change = one.quantity.label, one.change
-        if one.is_of_moment:
-            continue
-        if change.is_significant:
-            unit = f" {one.quantity.unit}" if one.quantity.unit else ""
-            notes.append(
-                f"{name}: the water as a whole seems to have changed by {one.changed_by:.2g}{unit} "
-                "during the survey; a map of one moment corrects for that"
-            )
-        if change.lag_s:
-            notes.append(
-                f"{name}: opposing lanes agree best at a delay of {change.lag_s:g} s; a map of one "
-                "moment corrects for that, and for the smoothing of a slow sensor; or record it as "
-                "the sensor's lag"
-            )
-    return notes
-
-
-def together_notes(maps: Sequence[QuantityMap], together: Sequence[str]) -> list[str]:
-    """Return a note for each quantity on the gain of mapping some together."""
-    labels = {one.quantity.key: inline(one.quantity.label) for one in maps}
-    notes: list[str] = []
-    for one in maps:
-        if one.quantity.key not in together:
-            continue
-        name, told = one.quantity.label, one.model.companions
-        if told is None:
-            notes.append(
-                f"{name}: mapped alone: land is between the readings, or it or the quantities to "
-                "map with it have too few good readings"
-            )
-            continue
-        with_ = " and ".join(
-            labels.get(key, key) + (f" (correlation {correlation:.2f})" if correlation else "")
-            for key, correlation in zip(told.names, told.correlations, strict=True)
-        )
-        notes.append(
-            f"{name}: mapped together with {with_}, which reduces the median standard deviation "
-            f"by {told.spared:.0%}"
-            if told.heeded
-            else f"{name}: mapped alone: {with_} adds next to nothing to its own readings"
-        )
-    return notes
-
-
 def _change_numbers(one: QuantityMap) -> dict[str, Any]:
     change, response = one.change, one.change.response
     unseen = change.unseen_sd

@@ -18,6 +18,7 @@ import numpy as np
 from grebe.core.errors import TrackError
 from grebe.core.oxygen import oxygen_solubility_mgl
 from grebe.core.quantities import BUILTIN, Quantities
+from grebe.core.samples import LONG_PAUSE_S
 from grebe.io.readers.ambiguities import ambiguities
 from grebe.io.readers.columns import DATE, OXYGEN, Column, find_columns
 from grebe.io.readers.formats import read_logged
@@ -30,8 +31,6 @@ from grebe.io.readers.times import read_time_columns
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-# After a pause this long [s], another survey begins.
-LONG_PAUSE_S = 12 * 3600.0
 # Rows are sorted by their times if that lengthens the boat's path by no more than this factor.
 NO_LONGER = 1.05
 
