@@ -226,11 +226,11 @@ class Planner:
         """
         if self.settings.angle_deg is not None:
             return self._affordable_at(self.settings.angle_deg, quick=quick)
-        north = self._affordable_at(0.0, quick=True)
-        turned = self._affordable_at(self._angle(north.cell_m), quick=quick)
-        if turned.cell_m < north.cell_m:
-            return turned
-        return min(turned, self._affordable_at(0.0, quick=quick), key=lambda one: one.cell_m)
+        north = self._affordable_at(0.0, quick=quick)
+        fastest = self._angle(north.cell_m)
+        if fastest == 0.0:
+            return north
+        return min(north, self._affordable_at(fastest, quick=quick), key=lambda one: one.cell_m)
 
     def _affordable_at(self, angle_deg: float, *, quick: bool) -> Draft:
         """A draft in a direction, whose cells keep the budget."""
