@@ -24,7 +24,7 @@ NEAR = 1.01
 # Smaller cells beyond a jump are sought among this many sizes, up to so many lanes more across the
 # water; no more of them than this are planned in full. With many lanes the jumps are small.
 SIZES, LANES, FULL_TRIALS, MANY_LANES = 16, 2, 6, 40
-# So often is the ratio of a full plan's time to a quick one's corrected.
+# The ratio of a full plan's time to a quick one's is corrected in at most this many full plans.
 CORRECTIONS = 3
 
 
