@@ -475,3 +475,20 @@ def test_a_paced_boat_takes_its_time(monkeypatch):
     for _ in range(4):
         paced.observe()
     assert sum(slept) == pytest.approx(0.15)
+
+
+def test_an_opened_outline_says_what_is_doubtful_about_it(tmp_path):
+    """Two polygons in one lake that nothing calls islands: the boat would be sent across them."""
+    shore = np.array(LAKE)
+    inside = [shore[0] + 0.2 * (shore - shore[0]) + [0.0003, 0.0002], shore]
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [r]}}
+        for r in (one.tolist() for one in reversed(inside))
+    ]
+    path = tmp_path / "lake.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    told = plans.outline(str(path))
+    assert told["region"]["type"] in {"Polygon", "MultiPolygon"}
+    assert any("island" in note for note in told["notes"])
+    path.write_text(json.dumps(REGION))
+    assert plans.outline(str(path))["notes"] == []

@@ -433,7 +433,7 @@ export const api = {
     }),
   /** Convert an outline in any format that Grebe reads to GeoJSON, for the plan. */
   outline: (file: File) =>
-    ask<{ region: Area; name: string }>(`/outline?${query({ name: file.name })}`, {
+    ask<{ region: Area; name: string; notes: string[] }>(`/outline?${query({ name: file.name })}`, {
       method: "POST",
       headers: { "Content-Type": "application/octet-stream" },
       body: file,

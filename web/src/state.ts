@@ -77,7 +77,7 @@ export async function loadOptions(): Promise<void> {
 
 export interface Notice {
   key: number;
-  kind: "info" | "error";
+  kind: "info" | "warning" | "error";
   text: string;
 }
 export const notices = signal<Notice[]>([]);

@@ -197,12 +197,12 @@ def _uncovered(survey: Survey) -> shapely.MultiPolygon:
 
 
 def outline(path: str) -> dict[str, Any]:
-    """The water in a file of outlines, as GeoJSON."""
+    """The water in a file of outlines, as GeoJSON, and what a user should know of it."""
     from grebe.workflow.plans import read_region
 
-    region, _ = read_region(Path(path))
-    water = region.frame.geometry_to_wgs84(region.water)
-    return {"region": json.loads(shapely.to_geojson(water)), "name": region.name}
+    region, notes = read_region(Path(path))
+    water = shapely.to_geojson(region.frame.geometry_to_wgs84(region.water))
+    return {"region": json.loads(water), "name": region.name, "notes": list(notes)}
 
 
 def receive(path: str, to: str) -> None:

@@ -168,10 +168,11 @@ class Preview(TypedDict):
 
 
 class Outline(TypedDict):
-    """The water in a file of outlines."""
+    """The water in a file of outlines, and notes on what was left out or doubtful."""
 
     region: GeoJSON
     name: str
+    notes: list[str]
 
 
 class TargetShown(TypedDict):

@@ -165,6 +165,7 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
       const shapes = shapesOf(outline.region);
       change((old) => ({ shapes: [...shapes, ...old.shapes.filter((shape) => shape.kind === "noGo")], start: old.start }));
       setName((old) => old || outline.name);
+      if (outline.notes.length) say("warning", outline.notes.join(" "));
       show({ shapes, start: null });
     } catch (cause) {
       complain(cause);
