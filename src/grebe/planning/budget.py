@@ -23,7 +23,7 @@ LEAST_STEP = 0.15
 NEAR = 1.01
 # Smaller cells beyond a jump are sought among this many sizes, up to so many lanes more across the
 # water; no more of them than this are planned in full. With many lanes the jumps are small.
-SIZES, LANES, FULL_TRIALS, MANY_LANES = 16, 2, 6, 40
+SIZES, LANES, FULL_TRIALS, MANY_LANES = 12, 2, 5, 40
 # The ratio of a full plan's time to a quick one's is corrected in at most this many full plans.
 CORRECTIONS = 3
 
@@ -44,16 +44,25 @@ class _Tried:
     time_s: float
 
 
-def affordable_cell_m(spent_s: Spent, budget_s: float, first_m: float, largest_m: float) -> float:
+def affordable_cell_m(
+    spent_s: Spent,
+    budget_s: float,
+    first_m: float,
+    largest_m: float,
+    *,
+    many_below_m: float = 0.0,
+) -> float:
     """Return a size of cells whose plan keeps the budget and uses as much of it as any found.
 
-    The search begins with `first_m`. Its trials are quick plans, whose times are corrected by the
-    ratio of a full plan's to a quick one's. Raises `PlanError` when not even the largest cells keep
-    the budget.
+    The search begins with `first_m`. Cells smaller than `many_below_m` are so many that trials are
+    quick plans, whose times are corrected by the ratio of a full plan's to a quick one's. Raises
+    `PlanError` when not even the largest cells keep the budget.
     """
-    search = _Search(spent_s, budget_s, largest_m, ratio=1.0)
+    search = _Search(spent_s, budget_s, largest_m, many_below_m, ratio=1.0)
     tried = [search.planned(search.at_the_edge(first_m))]
-    while len(tried) < CORRECTIONS and not search.is_enough(tried):
+    while len(tried) < CORRECTIONS and tried[-1].cell_m < many_below_m:
+        if search.is_enough(tried):
+            break
         ratio = tried[-1].time_s / spent_s(tried[-1].cell_m, quick=True)
         search = replace(search, ratio=ratio)
         tried.append(search.planned(search.at_the_edge(tried[-1].cell_m)))
@@ -71,6 +80,7 @@ class _Search:
     spent_s: Spent
     budget_s: float
     largest_m: float
+    many_below_m: float
     ratio: float
 
     def planned(self, cell_m: float) -> _Tried:
@@ -91,7 +101,9 @@ class _Search:
         return tried
 
     def _trial(self, cell_m: float) -> _Tried:
-        return _Tried(cell_m=cell_m, time_s=self.ratio * self.spent_s(cell_m, quick=True))
+        many = cell_m < self.many_below_m
+        time_s = self.spent_s(cell_m, quick=many) * (self.ratio if many else 1.0)
+        return _Tried(cell_m=cell_m, time_s=time_s)
 
     def at_the_edge(self, first_m: float) -> float:
         """Cells that use at least `SHARE` of the budget, or next to cells that exceed it."""
@@ -123,9 +135,12 @@ class _Search:
         if self.largest_m > MANY_LANES * edge_m:
             return []
         least_m = max(edge_m / (1 + LANES * edge_m / self.largest_m), SMALLEST_CELL_M)
-        trials = [self._trial(cell_m) for cell_m in np.geomspace(edge_m, least_m, SIZES)[1:]]
-        trials.sort(key=lambda one: abs(one.time_s - AIM * self.budget_s))
-        return [float(one.cell_m) for one in trials[:FULL_TRIALS]]
+        ratio = self.planned(edge_m).time_s / self.spent_s(edge_m, quick=True)
+        sizes = np.geomspace(edge_m, least_m, SIZES)[1:].tolist()
+        sizes.sort(
+            key=lambda size: abs(ratio * self.spent_s(size, quick=True) - AIM * self.budget_s)
+        )
+        return sizes[:FULL_TRIALS]
 
 
 def _too_short(budget_s: float) -> PlanError:

@@ -248,7 +248,8 @@ class Planner:
 
         budget_s, pace = self._budget_s(), 1 / float(np.mean(self.travel.slowness))
         first_m, largest_m = self.water.area / (pace * budget_s), math.sqrt(self.water.area)
-        cell_m = affordable_cell_m(spent_s, budget_s, first_m, largest_m)
+        many_below_m = math.sqrt(self.water.area / MANY_CELLS)
+        cell_m = affordable_cell_m(spent_s, budget_s, first_m, largest_m, many_below_m=many_below_m)
         if last[0].cell_m == cell_m:
             return last[0]
         return self.draft(cell_m, angle_deg, quick=quick)
