@@ -159,7 +159,7 @@ DEFAULT_MARGIN_M = 1.0
 @click.option(
     "--crs",
     metavar="EPSG:CODE",
-    help="Coordinates of a REGION that does not name its own, such as EPSG:25832.",
+    help="Coordinates of REGION and --no-go files that do not name their own, such as EPSG:25832.",
 )
 @accuracy_options
 @sortie_options
@@ -202,6 +202,7 @@ def command(
         feature=feature,
         islands=asked["islands"],
         crs=asked["crs"],
+        is_crs_of_others=bool(no_go),
     )
     for text in notes:
         output.note(f"{region}: {text}")
@@ -214,7 +215,13 @@ def command(
         with output.Countdown("rounds", 1, quiet=as_json) if searches else nullcontext() as bar:
             on_done = bar.update if bar is not None else None
             planned = plan_region(
-                water, boat, settings, start_lonlat=start, no_go=no_go, on_done=on_done
+                water,
+                boat,
+                settings,
+                start_lonlat=start,
+                no_go=no_go,
+                crs=asked["crs"],
+                on_done=on_done,
             )
     picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
     for text in (*planned.notes, *plan_warnings(planned.survey)):
