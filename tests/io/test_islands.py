@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
+import pyogrio
 import pytest
 import shapely
 from conftest import square_survey
@@ -15,7 +17,7 @@ from grebe.core.errors import InputError, RegionError
 from grebe.io.readers.outline import read_outline
 from grebe.planning.region import clean_region
 from grebe.workflow.files import write_survey
-from grebe.workflow.plans import read_zones
+from grebe.workflow.plans import read_region, read_zones
 
 LAKE = shapely.box(8.0, 46.5, 8.004, 46.504)
 ISLAND = shapely.box(8.0005, 46.5005, 8.001, 46.501)
@@ -139,6 +141,37 @@ def test_zones_in_metres_are_refused_for_what_they_are(tmp_path: Path) -> None:
     path = geojson(tmp_path / "z.geojson", {"zone": in_metres(SECOND)})
     with pytest.raises(InputError, match="no longitudes and latitudes"):
         read_zones([path], clean_region(LAKE, "lake"))
+
+
+def shapefile_without_prj(path: Path, polygon: shapely.Geometry) -> Path:
+    wkb = np.array([shapely.to_wkb(polygon)], dtype=object)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        pyogrio.raw.write(path, wkb, [], [], geometry_type="Polygon", driver="ESRI Shapefile")
+    path.with_suffix(".prj").unlink(missing_ok=True)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["geojson", "shapefile"])
+def test_a_named_crs_is_that_of_all_files_of_a_plan_that_do_not_name_their_own(
+    tmp_path: Path, kind: str
+) -> None:
+    """The lake may be in degrees and the zones in metres, or the reverse."""
+    if kind == "geojson":
+        metres = geojson(tmp_path / "m.geojson", {"zone": in_metres(SECOND)})
+    else:
+        metres = shapefile_without_prj(tmp_path / "m.shp", in_metres(SECOND))
+    degrees = geojson(tmp_path / "d.geojson", {"zone": SECOND})
+    lake = geojson(tmp_path / "lake.geojson", {"lake": LAKE})
+    region, _ = read_region(lake, crs="EPSG:32632", is_crs_of_others=True)
+    expected = region.frame.geometry_to_local(SECOND)
+    for path in (metres, degrees):
+        zones, notes = read_zones([path], region, crs="EPSG:32632")
+        assert shapely.hausdorff_distance(shapely.union_all(zones), expected) < 1e-3
+        assert notes == ()
+    with pytest.raises(InputError) as refused:
+        read_zones([metres], region)
+    assert refused.value.settings == ("crs",)
 
 
 @pytest.mark.parametrize("name", ["urn:ogc:def:crs:EPSG::32632", "EPSG:32632"])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from click.testing import CliRunner
 
 from grebe.cli.main import grebe
@@ -28,7 +29,7 @@ def survey(tmp_path_factory):
     rows that a logger wrote twice.
     """
     folder = tmp_path_factory.mktemp("notes")
-    one_day, other_day = np.random.default_rng(2).normal(0.1, 0.1, (2, 126)).round(3)
+    one_day, other_day = np.random.default_rng(2).normal(0.02, 0.1, (2, 126)).round(3)
     first = lanes(1.6e9, 6, one_day)
     second = lanes(1.6e9 + 2 * DAY, 6, other_day)
     rows = [*first, *second, *(row.replace(",", ".5,", 1) for row in second[50:60])]
@@ -50,6 +51,11 @@ def test_a_map_s_notes_name_outings_readings_below_zero_and_repeats(survey, tmp_
     assert "the readings are of 2 outings, with a pause of up to 2.0 days" in done.stderr
     assert below > 20
     assert f"Chlorophyll: {below} of " in done.stderr
+    with xr.open_dataset(tmp_path / "maps" / "map.nc") as maps:
+        mapped = maps["chlorophyll_ugl"].values
+    share = (mapped[np.isfinite(mapped)] < 0).mean()
+    assert share > 0.01
+    assert f"Chlorophyll: the map is below 0 on {share:.1%} of its area" in done.stderr
     assert "Chlorophyll: 10 samples repeat the place and the reading of another" in done.stderr
     assert "Temperature: 0 of" not in done.stderr
 

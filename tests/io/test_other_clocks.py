@@ -29,7 +29,8 @@ def seconds(cell: str, header: str = "") -> float:
     [
         "18-Jul-2024 09:15:00", "18 Jul 2024 09:15:00", "Jul 18 2024 09:15:00",
         "18-Jul-24 09:15", "1721294100,000", "2024-07-18 02:15:00 PDT",
-        "07/18/2024 05:15:00 AM EDT", "18.07.2024 11:15 MESZ",
+        "07/18/2024 05:15:00 AM EDT", "18.07.2024 11:15 MESZ", "18/07/2024 09:15:00 a. m.",
+        "18/07/2024 9:15 a.m.",
     ],
 )  # fmt: skip
 def test_a_time_is_the_same_in_every_format(cell: str) -> None:
@@ -159,3 +160,20 @@ def test_a_sounder_that_speaks_dbt_alone_gives_the_depth(tmp_path: Path) -> None
     log.write_text("\n".join([sentence("SDDBT,16.4,f,5.0,M,2.7,F"), fix, fix]) + "\n")
     table = read_nmea(log)
     assert [row[4] for row in table.rows] == ["5.0", ""]
+
+
+@pytest.mark.parametrize("name", ["Date", "Fecha y hora", "Mesure le"])
+def test_a_date_with_a_time_of_day_is_the_time_whatever_its_column_is_called(
+    tmp_path: Path, name: str
+) -> None:
+    """As a spreadsheet has it; a date that never changes is when something else was."""
+    path = tmp_path / "track.csv"
+    rows = [
+        f"02/01/2024 08:00;18/07/2024 09:{15 + k};{45 + k / 1e4:.7f};5,000000{k};19,{k}"
+        for k in range(6)
+    ]
+    path.write_text("\r\n".join([f"Calibrated;{name};Lat;Lon;Temp °C", *rows]), "utf-8-sig")
+    track = read_track(path)
+    assert track.times[0] == MOMENT
+    assert track.times[-1] == MOMENT + 300
+    assert track.columns["time"] == name

@@ -333,3 +333,26 @@ def test_flags_and_lags_are_stored_and_the_values_stay(tmp_path):
     for bad in ("salt=1", "ph=x", "ph"):
         with pytest.raises(UsageError, match="--lag"):
             run("check", path, "--lag", bad)
+
+
+@pytest.mark.parametrize(
+    ("key", "accuracy"),
+    [
+        ("turbidity_ntu", 0.5),
+        ("dissolved_oxygen_mgl", 0.1),
+        ("oxygen_saturation_percent", 1.0),
+        ("nitrate_mgl", 2.0),
+        ("chlorophyll_ugl", 1.0),
+    ],
+)
+def test_readings_a_little_below_zero_are_kept(key, accuracy):
+    """Without them, the mean of water that has nothing of it would be 0.8 sd too high."""
+    sd = 0.3 * accuracy
+    values = np.random.default_rng(4).normal(0.0, sd, 900).clip(-0.99 * accuracy)
+    values[[300, 600]] = -1.2 * accuracy, -20 * accuracy
+    flags = flags_of(record(**{key: values}), key)
+    assert flags[300] == Flag.SUSPECT
+    assert flags[600] == Flag.FAIL
+    good = values[flags == Flag.GOOD]
+    assert len(good) == 898
+    assert abs(good.mean()) < 0.1 * sd < 0.7 * sd < good[good > 0].mean()

@@ -487,8 +487,11 @@ def test_an_opened_outline_says_what_is_doubtful_about_it(tmp_path):
     ]
     path = tmp_path / "lake.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    told = plans.outline(str(path))
+    told = plans.outline(str(path), "named", None)
     assert told["region"]["type"] in {"Polygon", "MultiPolygon"}
     assert any("island" in note for note in told["notes"])
+    assert len(told["region"]["coordinates"]) == 1
+    dry = plans.outline(str(path), "all", None)
+    assert len(dry["region"]["coordinates"]) == 2
     path.write_text(json.dumps(REGION))
-    assert plans.outline(str(path))["notes"] == []
+    assert plans.outline(str(path), "named", None)["notes"] == []

@@ -104,3 +104,12 @@ def test_a_file_that_is_wrong_before_the_boat_sets_out_is_refused(tmp_path):
     path.write_text("{")
     with pytest.raises(InputError, match=r"closed\.geojson"):
         Closures(path=path, survey=SURVEY, say=lambda _: None)
+
+
+def test_closed_areas_in_metres_are_refused_with_what_can_be_done_about_it(watched):
+    closures, _, _ = watched
+    metres = shapely.to_geojson(shapely.box(500_000, 5_000_000, 500_100, 5_000_100))
+    closures.path.write_text(metres)
+    with pytest.raises(InputError, match="name its coordinates itself") as refused:
+        Closures(path=closures.path, survey=SURVEY, say=print)
+    assert refused.value.settings == ()

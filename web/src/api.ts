@@ -348,6 +348,12 @@ export interface Profile {
   unit: string;
 }
 
+/** POST /api/outline?name=&islands=&crs= : how a file of outlines is to be read */
+export interface OutlineReading {
+  islands: "named" | "all" | "none";
+  crs: string;
+}
+
 /** GET /api/surveys/{id}/replay : columns of equal length */
 export interface Replay {
   track: { t: number[]; lon: number[]; lat: number[]; heading_rad: number[]; surge_mps: number[] };
@@ -432,12 +438,15 @@ export const api = {
       body: file,
     }),
   /** Convert an outline in any format that Grebe reads to GeoJSON, for the plan. */
-  outline: (file: File) =>
-    ask<{ region: Area; name: string; notes: string[] }>(`/outline?${query({ name: file.name })}`, {
-      method: "POST",
-      headers: { "Content-Type": "application/octet-stream" },
-      body: file,
-    }),
+  outline: (file: File, reading: OutlineReading) =>
+    ask<{ region: Area; name: string; notes: string[] }>(
+      `/outline?${query({ name: file.name, ...reading })}`,
+      {
+        method: "POST",
+        headers: { "Content-Type": "application/octet-stream" },
+        body: file,
+      },
+    ),
   demo: () => post<SurveySummary>("/demo", {}),
   remove: (id: string) => ask<void>(at(id), { method: "DELETE" }),
   fileUrl: (id: string) => `/api${at(id)}/file`,

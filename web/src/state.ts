@@ -93,6 +93,11 @@ export function dismiss(key: number): void {
   notices.value = notices.value.filter((notice) => notice.key !== key);
 }
 
+/** Forget all notices, as before something is tried again. */
+export function dismissAll(): void {
+  notices.value = [];
+}
+
 /** Show what went wrong, in the server's words, or in the page's if there was no answer. */
 export function complain(cause: unknown): void {
   if (cause instanceof DOMException && cause.name === "AbortError") return;

@@ -115,7 +115,7 @@ def plan_surest(
         if like is None
         else prior_of_survey(like, asked["quantity"])
     )
-    zones, notes = read_zones(no_go, region)
+    zones, notes = read_zones(no_go, region, crs=asked["crs"])
     for text in notes:
         output.note(f"note: {text}")
     with output.Countdown("plans", CHOICES, quiet=quiet) as bar:

@@ -25,6 +25,7 @@ from grebe.core.errors import UsageError
 from grebe.core.plan_settings import PATTERNS, SHAPES, PlanSettings
 from grebe.core.vessel import PRESETS, Vessel
 from grebe.planning.planned import Planned, PlannedSorties
+from grebe.planning.region import Region
 from grebe.workflow.garbage_collection import without_collection
 from grebe.workflow.plans import (
     plan_region,
@@ -159,7 +160,7 @@ DEFAULT_MARGIN_M = 1.0
 @click.option(
     "--crs",
     metavar="EPSG:CODE",
-    help="Coordinates of a REGION that does not name its own, such as EPSG:25832.",
+    help="Coordinates of REGION and --no-go files that do not name their own, such as EPSG:25832.",
 )
 @accuracy_options
 @sortie_options
@@ -202,6 +203,7 @@ def command(
         feature=feature,
         islands=asked["islands"],
         crs=asked["crs"],
+        is_crs_of_others=bool(no_go),
     )
     for text in notes:
         output.note(f"{region}: {text}")
@@ -210,12 +212,7 @@ def command(
         surest = plan_surest(asked, water, boat, settings, start, no_go, quiet=as_json)
         planned = surest.best.planned
     else:
-        searches = settings.sorties is not None
-        with output.Countdown("rounds", 1, quiet=as_json) if searches else nullcontext() as bar:
-            on_done = bar.update if bar is not None else None
-            planned = plan_region(
-                water, boat, settings, start_lonlat=start, no_go=no_go, on_done=on_done
-            )
+        planned = _planned(asked, water, boat, settings, start, no_go, quiet=as_json)
     picture = write_plan(planned, path, quantities_file=quantities_file, force=force)
     for text in (*planned.notes, *plan_warnings(planned.survey)):
         output.note(f"note: {text}")
@@ -228,6 +225,30 @@ def command(
         as_json=as_json,
         next_command=f"grebe run {output.quoted(path)}{known}",
     )
+
+
+def _planned(
+    asked: dict[str, Any],
+    region: Region,
+    vessel: Vessel,
+    settings: PlanSettings,
+    start: tuple[float, float] | None,
+    no_go: tuple[Path, ...],
+    *,
+    quiet: bool,
+) -> Planned:
+    """Plan, with a progress bar for the search for sorties."""
+    searches = settings.sorties is not None
+    with output.Countdown("rounds", 1, quiet=quiet) if searches else nullcontext() as bar:
+        return plan_region(
+            region,
+            vessel,
+            settings,
+            start_lonlat=start,
+            no_go=no_go,
+            crs=asked["crs"],
+            on_done=None if bar is None else bar.update,
+        )
 
 
 def _settings(

@@ -147,10 +147,15 @@ def finish_map(
 
 
 def title_above(figure: Figure, text: str) -> None:
-    """Write a title above all that a figure holds: the layout knows nothing of the band above a
-    map, and would let the title of a tall lake touch that of its map.
+    """Write a title above all that a finished figure holds.
+
+    The layout knows nothing of the band above a map, so the title of the map may reach beyond the
+    figure. Where it does is known only once the figure has been laid out.
     """
-    figure.suptitle(text, x=0.01, y=1.0, ha="left", va="bottom")
+    figure.draw_without_rendering()
+    tops = [axes.get_tightbbox() for axes in figure.axes]
+    highest = max((box.y1 for box in tops if box is not None), default=0.0)
+    figure.suptitle(text, x=0.01, y=max(1.0, highest / figure.bbox.height), ha="left", va="bottom")
 
 
 def legend_below(axes: Axes) -> None:

@@ -27,11 +27,15 @@ from grebe.mapping.quantity_map import QuantityMap
 
 @dataclass(frozen=True, kw_only=True)
 class BelowZero:
-    """Good readings that are below 0, as no water is: how many, of how many, and the least."""
+    """What is below 0, as no water is: `count` of `of` good readings, the `least` of which is
+    given, and a share of the map, 0 to 1, down to `mapped_least`.
+    """
 
     count: int
     of: int
     least: float
+    mapped_share: float
+    mapped_least: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,13 +96,22 @@ class ReportData:
         """Whether the survey was simulated, so that nothing was measured."""
         return is_simulated(self.meta.get("water", ""))
 
-    def below_zero(self, quantity: Quantity) -> BelowZero | None:
-        """Its good readings below 0; None if there are none, or if its zero is no limit."""
-        good = self.samples.values[quantity.key][self.samples.usable(quantity.key)]
-        count = int((good < 0).sum())
-        if not count or not quantity.has_true_zero:
+    def below_zero(self, one: QuantityMap) -> BelowZero | None:
+        """What of a map and of its good readings is below 0; None if nothing is, or if the
+        quantity's zero is no limit.
+        """
+        key, mapped = one.quantity.key, one.mean[one.grid.inside]
+        good = self.samples.values[key][self.samples.usable(key)]
+        least, mapped_least = float(good.min(initial=np.inf)), float(mapped.min(initial=np.inf))
+        if not one.quantity.has_true_zero or min(least, mapped_least) >= 0:
             return None
-        return BelowZero(count=count, of=len(good), least=float(good.min()))
+        return BelowZero(
+            count=int((good < 0).sum()),
+            of=len(good),
+            least=least,
+            mapped_share=float((mapped < 0).mean()),
+            mapped_least=mapped_least,
+        )
 
     @property
     def quality(self) -> dict[str, dict[str, tuple[int, int]]] | None:

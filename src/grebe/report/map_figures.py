@@ -62,8 +62,8 @@ def map_figure(
         finish_map(axes, survey)
     right.set_ylabel("")
     said = f"{survey.name}{_days(samples)}{', simulated' if simulated else ''}"
-    title_above(figure, said)
     figure.legend(loc="outside lower center", ncols=2, frameon=False, markerscale=3)
+    title_above(figure, said)
     return figure
 
 

@@ -134,12 +134,24 @@ def _cautions(data: ReportData, t: Texts) -> list[str]:
     if count > 1:
         cautions.append(t("several_outings", count=count, longest=_duration(pause_s, t)))
     for one in data.maps:
-        below, label = data.below_zero(one.quantity), one.quantity.label_in(t.language)
-        if below is not None:
-            least = t.number(f"{below.least:.3g}")
-            told = {"label": label, "count": below.count, "of": below.of, "least": least}
-            cautions.append(t("below_zero", **told, unit=one.quantity.unit))
+        cautions += _below_zero(data, one, t)
     return cautions
+
+
+def _below_zero(data: ReportData, one: QuantityMap, t: Texts) -> list[str]:
+    """A caution on readings and parts of a map that are below 0, if there are any."""
+    below = data.below_zero(one)
+    if below is None:
+        return []
+    told = {"label": one.quantity.label_in(t.language), "unit": one.quantity.unit}
+    texts: list[str] = []
+    if below.count:
+        least = t.number(f"{below.least:.3g}")
+        texts.append(t("below_zero", **told, count=below.count, of=below.of, least=least))
+    if below.mapped_share:
+        share, least = t.share(below.mapped_share, 1), t.number(f"{below.mapped_least:.2g}")
+        texts.append(t("map_below_zero", **told, share=share, least=least))
+    return texts
 
 
 def _concerns(data: ReportData, profile: Profile) -> list[Concern]:

@@ -119,8 +119,10 @@ class App:
     async def outline(self, request: Request) -> Response:
         """The water in an uploaded file of outlines."""
         async with requests.uploaded(request, self.surveys.folder) as path:
-            found = await self.plans.run("outline", str(path))
-        found["name"] = Path(request.query_params["name"]).stem[:80]
+            query = request.query_params
+            islands, crs = query.get("islands") or "named", query.get("crs") or None
+            found = await self.plans.run("outline", str(path), islands, crs)
+        found["name"] = Path(query["name"]).stem[:80]
         return JSONResponse(found)
 
     async def demo(self, _: Request) -> Response:

@@ -85,7 +85,20 @@ ENDPOINTS: tuple[Endpoint, ...] = (
         what="Upload a file of outlines, and return its water as GeoJSON.",
         body=FILE,
         answer=responses.Outline,
-        query=(NAME,),
+        query=(
+            NAME,
+            Query(
+                "islands",
+                "which polygons within another one are land: named (those called islands, the "
+                "default), all or none",
+                required=False,
+            ),
+            Query(
+                "crs",
+                "the coordinates of a file that does not name its own, such as EPSG:25832",
+                required=False,
+            ),
+        ),
     ),
     _post(
         "/api/demo",

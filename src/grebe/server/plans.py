@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -19,6 +19,7 @@ from grebe.core.plan_settings import PlanSettings
 from grebe.core.survey import Survey
 from grebe.core.taut import path_through
 from grebe.core.vessel import vessel_named
+from grebe.io.readers.islands import Islands
 from grebe.io.store import SurveyFile
 from grebe.planning.planned import Planned
 from grebe.planning.planner import plan
@@ -196,11 +197,16 @@ def _uncovered(survey: Survey) -> shapely.MultiPolygon:
     return shapely.MultiPolygon([part for part in parts if isinstance(part, shapely.Polygon)])
 
 
-def outline(path: str) -> dict[str, Any]:
-    """The water in a file of outlines, as GeoJSON, and what a user should know of it."""
+def outline(path: str, islands: str, crs: str | None) -> dict[str, Any]:
+    """The water in a file of outlines, as GeoJSON, and what a user should know of it.
+
+    `islands` and `crs` are those of `grebe.workflow.plans.read_region`.
+    """
     from grebe.workflow.plans import read_region
 
-    region, notes = read_region(Path(path))
+    if islands not in get_args(Islands):
+        raise UsageError(f"islands is {islands[:40]!r}; choose one of {get_args(Islands)}.")
+    region, notes = read_region(Path(path), islands=cast("Islands", islands), crs=crs)
     water = shapely.to_geojson(region.frame.geometry_to_wgs84(region.water))
     return {"region": json.loads(water), "name": region.name, "notes": list(notes)}
 

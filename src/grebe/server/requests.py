@@ -129,6 +129,8 @@ async def uploaded(request: Request, folder: Path) -> AsyncGenerator[Path]:
             yield path
         except GrebeError as error:
             # Replace the temporary path, which is private and does not help the user.
-            shown = Path(request.query_params["name"]).name
-            text = str(error).replace(str(path), shown).replace(path.name, shown)
+            given = Path(request.query_params["name"])
+            text = str(error).replace(str(path), given.name).replace(path.name, given.name)
+            # A region without a name of its own has that of its file.
+            text = text.replace(repr(path.stem), repr(given.stem))
             raise type(error)(text, settings=error.settings) from None

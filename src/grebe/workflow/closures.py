@@ -14,6 +14,7 @@ from pathlib import Path
 
 import shapely
 
+from grebe.core.errors import InputError
 from grebe.core.events import Estimate, MissionEvent
 from grebe.core.survey import Survey
 from grebe.mission.loop import Mission
@@ -76,7 +77,16 @@ class Closures:
 
     def _read(self) -> list[shapely.Polygon]:
         region = Region(name=self.survey.name, frame=self.survey.frame, water=self.survey.water)
-        zones, notes = read_zones([self.path], region, mends=True)
+        try:
+            zones, notes = read_zones([self.path], region, mends=True)
+        except InputError as error:
+            if "crs" not in error.settings:
+                raise
+            # A run has no setting for it, and the file may change while it sails.
+            raise InputError(
+                f"{self.path}: must be in degrees (WGS 84), or name its coordinates itself, by a "
+                ".prj file or as GeoJSON's crs."
+            ) from None
         for note in notes:
             self.say(note)
         return [zone for zone in zones if zone.intersects(region.water)]

@@ -21,20 +21,34 @@ def sample_notes(data: ReportData) -> list[str]:
             "days between them; where outings meet, a difference may be one of time"
         )
     for one in data.maps:
-        name, unit = one.quantity.label, f" {one.quantity.unit}" * bool(one.quantity.unit)
-        below = data.below_zero(one.quantity)
-        if below is not None:
-            notes.append(
-                f"{name}: {below.count} of {below.of} good readings are below 0, down to "
-                f"{below.least:.3g}{unit}; no water is, so the sensor's zero may be off; they are "
-                "mapped as they are"
-            )
+        notes += _below_zero(data, one)
         repeats = _repeats(data.samples, one.quantity.key)
         if repeats:
             notes.append(
-                f"{name}: {repeats} samples repeat the place and the reading of another, and count "
-                "once with it"
+                f"{one.quantity.label}: {repeats} samples repeat the place and the reading of "
+                "another, and count once with it"
             )
+    return notes
+
+
+def _below_zero(data: ReportData, one: QuantityMap) -> list[str]:
+    below = data.below_zero(one)
+    if below is None:
+        return []
+    name, unit = one.quantity.label, f" {one.quantity.unit}" * bool(one.quantity.unit)
+    notes: list[str] = []
+    if below.count:
+        notes.append(
+            f"{name}: {below.count} of {below.of} good readings are below 0, down to "
+            f"{below.least:.3g}{unit}; no water is, so the sensor's zero may be off; they are "
+            "mapped as they are"
+        )
+    if below.mapped_share:
+        notes.append(
+            f"{name}: the map is below 0 on {below.mapped_share:.1%} of its area, down to "
+            f"{below.mapped_least:.2g}{unit}; read that as none: it is the sensor's zero or the "
+            "map's error"
+        )
     return notes
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from grebe.core.errors import InputError
 from grebe.core.plan_settings import PlanSettings
@@ -18,7 +20,7 @@ from grebe.core.survey import Survey
 from grebe.core.vessel import Vessel
 from grebe.io.readers.islands import Islands
 from grebe.io.readers.land import sea_warning
-from grebe.io.readers.outline import read_outline
+from grebe.io.readers.outline import in_degrees, in_own_or, read_outline
 from grebe.io.readers.quantities import user_quantities
 from grebe.planning.planned import Planned, PlannedSorties
 from grebe.planning.planner import plan
@@ -44,13 +46,16 @@ def read_region(
     header_from: Path | None = None,
     islands: Islands = "named",
     crs: str | None = None,
+    is_crs_of_others: bool = False,
 ) -> tuple[Region, tuple[str, ...]]:
     """Return the water of a file of outlines, or within a track's convex hull, and notes about it.
 
     `feature` selects one of several lakes in a file, by name or by number. `islands` says which
-    polygons within another one are islands, and `crs` the coordinates of a file that does not.
+    polygons within another one are islands, and `crs` the coordinates of a file that does not. If
+    it `is_crs_of_others` too, such as no-go files, this file may be in degrees, or name its own.
     """
-    outline = read_outline(path, columns, header_from, feature=feature, islands=islands, crs=crs)
+    read = partial(read_outline, path, columns, header_from, feature=feature, islands=islands)
+    outline = in_own_or(read, crs) if is_crs_of_others else read(crs=crs)
     region = clean_region(outline.geometry, outline.name, outline.features)
     at_sea = sea_warning(region.frame.origin_lon_deg, region.frame.origin_lat_deg)
     return region, (*outline.notes, *([at_sea] if at_sea else []))
@@ -63,14 +68,16 @@ def plan_region(
     *,
     start_lonlat: tuple[float, float] | None = None,
     no_go: Sequence[Path] = (),
+    crs: str | None = None,
     on_done: Callable[[int, int], None] | None = None,
 ) -> Planned:
     """Plan a survey of a region, outside the zones that the `no_go` files hold.
 
+    `crs` names the coordinates of those `no_go` files that do not name their own.
     `on_done` is called with the progress of the search for sorties, which takes minutes on a large
     lake.
     """
-    zones, notes = read_zones(no_go, region)
+    zones, notes = read_zones(no_go, region, crs=crs)
     planned = _planned(region, vessel, settings, start_lonlat, zones, on_done)
     return replace(planned, notes=(*notes, *planned.notes, *_uncovered(planned)))
 
@@ -179,18 +186,19 @@ def plan_warnings(survey: Survey) -> list[str]:
 
 
 def read_zones(
-    paths: Sequence[Path], region: Region, *, mends: bool = False
+    paths: Sequence[Path], region: Region, *, crs: str | None = None, mends: bool = False
 ) -> tuple[list[shapely.Polygon], tuple[str, ...]]:
     """Return the no-go zones of some files, in the region's frame, and notes.
 
-    The notes are those of the readers, and name files that do not touch the region's water. With
-    `mends`, invalid polygons are repaired; otherwise they raise `InputError`.
+    The notes are those of the readers, and name files that do not touch the region's water. `crs`
+    names the coordinates of files that do not name their own and are not in degrees. With `mends`,
+    invalid polygons are repaired; otherwise they raise `InputError`.
     """
     zones: list[shapely.Polygon] = []
     notes: list[str] = []
     for path in paths:
         # A zone within another, of whatever name, is closed like the one around it.
-        outline = read_outline(path, islands="none")
+        outline = in_own_or(partial(read_outline, path, islands="none"), crs)
         _refuse_metres(path, outline.geometry)
         notes += [f"{path}: {text}" for text in outline.notes]
         local = region.frame.geometry_to_local(outline.geometry)
@@ -210,12 +218,13 @@ def read_zones(
     return zones, tuple(notes)
 
 
-def _refuse_metres(path: Path, geometry: shapely.Geometry) -> None:
-    west, south, east, north = shapely.bounds(geometry).tolist()
-    if not (-360 <= west <= east <= 360 and -90 <= south <= north <= 90):
+def _refuse_metres(path: Path, geometry: BaseGeometry) -> None:
+    if not in_degrees(geometry):
+        west, south, east, north = shapely.bounds(geometry).tolist()
         raise InputError(
             f"{path}: reaches from ({west:g}, {south:g}) to ({east:g}, {north:g}), which are no "
-            "longitudes and latitudes; reproject it to WGS 84 (EPSG:4326)."
+            "longitudes and latitudes; name their CRS, or reproject them to WGS 84 (EPSG:4326).",
+            settings=("crs",),
         )
 
 

@@ -2,7 +2,7 @@
 
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { JSX } from "preact";
-import { api, type PlanPreview, type PlanSettings } from "../api";
+import { api, type OutlineReading, type PlanPreview, type PlanSettings } from "../api";
 import { Editor, type Tool } from "../map/editor";
 import {
   boundsOf,
@@ -18,8 +18,9 @@ import {
 } from "../map/sketch";
 import { fit, MapView, type Ground } from "../map/view";
 import { Icon } from "../parts/icon";
+import { OutlineForm } from "../parts/outline-form";
 import { PlanFacts, PlanForm } from "../parts/plan-form";
-import { chosen, complain, go, inWords, options, say, t } from "../state";
+import { chosen, complain, dismissAll, go, inWords, options, say, t } from "../state";
 import type { Word } from "../words";
 
 interface History {
@@ -58,6 +59,7 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
   const [tool, setTool] = useState<Tool>(null);
   const [selected, setSelected] = useState<number | null>(null);
   const [points, setPoints] = useState(0);
+  const [opened, setOpened] = useState<{ file: File; reading: OutlineReading } | null>(null);
   const ground = useRef<Ground | null>(null);
   const editor = useRef<Editor | null>(null);
   const sketch = history.now;
@@ -159,9 +161,11 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
     water.setUncovered(plan?.uncovered ?? null);
   }, [preview.plan, request]);
 
-  async function openOutline(file: File): Promise<void> {
+  async function openOutline(file: File, reading: OutlineReading): Promise<void> {
+    setOpened({ file, reading });
+    dismissAll();
     try {
-      const outline = await api.outline(file);
+      const outline = await api.outline(file, reading);
       const shapes = shapesOf(outline.region);
       change((old) => ({ shapes: [...shapes, ...old.shapes.filter((shape) => shape.kind === "noGo")], start: old.start }));
       setName((old) => old || outline.name);
@@ -194,7 +198,7 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
           pick={pick}
           undo={history.past.length ? undo : null}
           redo={history.future.length ? redo : null}
-          openOutline={(file) => void openOutline(file)}
+          openOutline={(file) => void openOutline(file, { islands: "named", crs: "" })}
         />
         <MapView onReady={ready} crosshair={tool !== null}>
           {(tool || selected !== null || !sketch.shapes.length) && <p class="hint">{t(hint)}</p>}
@@ -232,6 +236,13 @@ export function Plan({ id }: { id: string | null }): JSX.Element {
           <input value={name} maxLength={80} onInput={(event) => setName(event.currentTarget.value)} />
         </label>
         {!sketch.shapes.length && <GoTo ground={ground} />}
+        {opened && (
+          <OutlineForm
+            name={opened.file.name}
+            reading={opened.reading}
+            change={(reading) => void openOutline(opened.file, reading)}
+          />
+        )}
         <PlanFacts plan={request ? preview.plan : null} busy={preview.busy} failure={preview.failure} />
         <button
           class="button primary tall"

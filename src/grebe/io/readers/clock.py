@@ -53,6 +53,8 @@ _YEAR_FIRST = ("%Y-%m-%d", "%Y/%m/%d", "%Y%m%d", "%y%m%d")
 # Formats with a two-digit year first and separators are tried only if the header says so.
 _SHORT_YEAR_FIRST = ("%y/%m/%d", "%y-%m-%d", "%y.%m.%d")
 _MONTH_NAMED = ("%d-%b-%Y", "%d %b %Y", "%b %d %Y", "%b %d, %Y", "%d/%b/%Y", "%d-%b-%y")
+# Morning and afternoon as Spanish and some English settings of a spreadsheet write them: `a. m.`
+_MERIDIAN = re.compile(r"(?<=\d)\s*([ap])\.\s?m\.?", re.IGNORECASE)
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%H%M%S")
 
 
@@ -89,6 +91,7 @@ def read_times(
     values = numbers_of(cells)
     if np.isfinite(values).mean() >= 0.5:
         return _of_numbers(values, header, zone)
+    cells = [_MERIDIAN.sub(r" \1m", cell) for cell in cells]
     cells, own = without_letters([without_zone_name(cell) for cell in cells])
     zone = own or zone
     times, told = [_iso(cell) for cell in cells], list[str]()

@@ -88,6 +88,27 @@ def read_outline(
     )
 
 
+def in_degrees(geometry: BaseGeometry) -> bool:
+    """Whether all of a geometry's coordinates can be longitudes and latitudes."""
+    west, south, east, north = shapely.bounds(geometry).tolist()
+    return -360 <= west <= east <= 360 and -90 <= south <= north <= 90
+
+
+def in_own_or(read: Callable[..., Outline], crs: str | None) -> Outline:
+    """Read an outline in the coordinates that its file names, or in degrees, or else in `crs`.
+
+    `read` is `read_outline` with all but its `crs`. Several files of one plan may share a `crs`
+    although some of them do not need it.
+    """
+    try:
+        outline = read()
+    except InputError as error:
+        if crs is None or "crs" not in error.settings:
+            raise
+        return read(crs=crs)
+    return outline if crs is None or in_degrees(outline.geometry) else read(crs=crs)
+
+
 def _read_geojson(path: Path, crs: str | None) -> tuple[list[Drawn], str]:
     """Return what a GeoJSON holds, and its name."""
     text = read_text(path)

@@ -150,12 +150,13 @@ def _read(
         if read is not None:
             return read, list(pair)
     if alone is None:
-        return None, []
+        stamps = _dated(table, None)
+        return (None, []) if stamps is None else (_stamps(table, stamps, zone), [stamps])
     name = found["time"].name
     counts = named is None and is_counted(name) and not _counts_seconds(alone, found)
-    better = _dated(table, found) if counts else None
+    better = _dated(table, name) if counts else None
     if better is not None:
-        return read_times(cells_of(table, better), better, zone), [better]
+        return _stamps(table, better, zone), [better]
     return read_times(alone, name, zone), []
 
 
@@ -179,15 +180,24 @@ def _counts_seconds(cells: Sequence[str] | None, found: Mapping[str, Column]) ->
     return EARLIEST_S < middle < LATEST_S
 
 
-def _dated(table: Table, found: Mapping[str, Column]) -> str | None:
-    """Return a column of dates with times beside one that counts; None if there is none.
+def _stamps(
+    table: Table, name: str, zone: tzinfo | None
+) -> tuple[NDArray[np.float64], list[str]] | None:
+    return read_times(cells_of(table, name), name, zone)
 
-    The counts begin at an unknown time.
+
+def _dated(table: Table, counter: str | None) -> str | None:
+    """Return a column of dates with times of day; None if there is none.
+
+    If `counter` is given, the column stands beside it, and is called a time or a date; the counts
+    begin at an unknown time. Without a counter it may have any name, such as Fecha or Mesure le.
     """
     for name in table.header:
-        stamps = re.search("time|date", name.lower()) and name != found["time"].name
-        first = next((cell for cell in cells_of(table, name) if cell.strip()), "") if stamps else ""
-        if _DATED.match(first.strip()) and ":" in first:
+        if name == counter or (counter and not re.search("time|date", name.lower())):
+            continue
+        cells = list(dict.fromkeys(cell.strip() for cell in cells_of(table, name) if cell.strip()))
+        # One time alone is when something else was, such as a calibration.
+        if len(cells) > 1 and _DATED.match(cells[0]) and ":" in cells[0]:
             return name
     return None
 
