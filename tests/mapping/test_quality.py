@@ -18,6 +18,7 @@ from grebe.io.readers.limits import read_limits
 from grebe.io.store import SurveyFile
 from grebe.mapping.lag import Lag, Pass, estimate_lag, unlagged
 from grebe.mapping.quality.control import check_quality
+from grebe.mapping.quantity_map import possible
 
 WATER = shapely.box(-10, -10, 2000, 50)
 TRACKS = DATA / "tracks"
@@ -356,3 +357,11 @@ def test_readings_a_little_below_zero_are_kept(key, accuracy):
     good = values[flags == Flag.GOOD]
     assert len(good) == 898
     assert abs(good.mean()) < 0.1 * sd < 0.7 * sd < good[good > 0].mean()
+
+
+def test_a_map_is_below_zero_only_where_readings_are():
+    turbidity, temperature = BUILTIN["turbidity_ntu"], BUILTIN["temperature_degc"]
+    mean = np.array([-0.3, 0.2])
+    assert possible(mean, turbidity, np.array([0.1, 2.0])).tolist() == [0.0, 0.2]
+    assert possible(mean, turbidity, np.array([-0.1, 2.0])).tolist() == [-0.1, 0.2]
+    assert possible(mean, temperature, np.array([0.1, 2.0])).tolist() == [-0.3, 0.2]

@@ -39,6 +39,8 @@ def possible(mean: Array, quantity: Quantity, values: Array) -> Array:
     readings of a depth of 2 m, a smooth field may come out above the surface.
     """
     low, high = quantity.span
+    if quantity.has_true_zero:
+        low = max(low, 0.0)
     return np.clip(mean, min(low, float(values.min())), max(high, float(values.max())))
 
 
