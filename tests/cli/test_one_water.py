@@ -1,5 +1,6 @@
 """Simulated and measured readings never share a file."""
 
+import json
 from datetime import UTC, datetime
 
 import pytest
@@ -123,3 +124,15 @@ def test_a_fleet_in_which_one_boat_is_simulated_counts_as_simulated():
     assert not is_simulated(_water_of(real))
     assert is_simulated(_water_of(["sim:", real[0]]))
     assert _water_of(["sim:", "sim:"]) == "simulated, 2 boats"
+
+
+def test_the_command_that_a_preview_prints_is_that_of_the_boat_it_was_asked_about(tmp_path):
+    """The mission of another boat had ended before its first reading."""
+    path = tmp_path / "s.gpkg"
+    write_survey(path, square_survey(60.0, 20.0))
+    boat = "mavlink:udp:127.0.0.1:1"
+    with SurveyFile.open(path) as file:
+        file.set_meta("links", json.dumps([boat]))
+    for link in ("sim:", boat):
+        done = run("run", path, "--resume", "--preview", "--link", link)
+        assert f"--resume --link {link}" in done.output, link

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -40,9 +41,14 @@ def say_spent(departure: Departure) -> None:
         )
 
 
-def _again(urls: tuple[str, ...], run: dict[str, Any]) -> str:
-    """The links and the options of the controller and of --adaptive, as they were typed."""
-    links = "".join(f" --link {output.quoted(url)}" for url in urls if url != SIMULATED)
+def _again(urls: tuple[str, ...], run: dict[str, Any], survey_file: SurveyFile) -> str:
+    """The links and the options of the controller and of --adaptive, as they were typed.
+
+    A simulated boat goes without saying, unless another one began the mission.
+    """
+    before = set(json.loads(survey_file.meta().get("links", "[]")))
+    named = [url for url in urls if url != SIMULATED or before - {SIMULATED}]
+    links = "".join(f" --link {output.quoted(url)}" for url in named)
     return links + typed_again(run) + wish_again(run)
 
 
@@ -65,11 +71,10 @@ def show_preview(
         simulated = {simulates(url) for url in urls}
         if not force and None not in simulated:
             refuse_other_water(survey_file, simulated=True in simulated)
+        options = _again(urls, run, survey_file)
         fleet = survey_file.survey.fleet if sortie is None and not force else None
         if fleet is not None and not run["returns"]:
-            go = (
-                f"grebe run {output.quoted(file)}{' --resume' if resume else ''}{_again(urls, run)}"
-            )
+            go = f"grebe run {output.quoted(file)}{' --resume' if resume else ''}{options}"
             numbers = fleet_preview(survey_file, now)
             output.result(numbers, as_json=as_json, next_command=go)
             return
@@ -81,7 +86,7 @@ def show_preview(
         return
     which = "" if sortie is None else f" --sortie {sortie}"
     again = "".join(f" --{name}" for name, on in (("resume", resume), ("force", force)) if on)
-    go = f"grebe run {output.quoted(file)}{which}{again}{_again(urls, run)}"
+    go = f"grebe run {output.quoted(file)}{which}{again}{options}"
     say_which(departure, survey_file)
     say_spent(departure)
     output.result(preview_of(departure).numbers(), as_json=as_json, next_command=go)
